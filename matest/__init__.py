@@ -1,0 +1,68 @@
+"""matest: what a surface is made of, with error bars, from photographs of an object of known shape and light.
+
+Importing this package loads nothing heavy; each name below is imported when it is first used.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from matest.errors import InputError
+
+if TYPE_CHECKING:
+    from matest import brdf, losses
+    from matest.capture import Capture, load_capture
+    from matest.estimation import Estimate, estimate, load_estimate, predict
+    from matest.scene import Scene
+    from matest.shader import render, shade
+    from matest.simulate import load_scene, simulate
+    from matest.trainable import Trainable
+
+__version__ = "0.1.0"
+
+_HOME = {
+    "Capture": "matest.capture",
+    "Estimate": "matest.estimation",
+    "Scene": "matest.scene",
+    "Trainable": "matest.trainable",
+    "estimate": "matest.estimation",
+    "load_capture": "matest.capture",
+    "load_estimate": "matest.estimation",
+    "load_scene": "matest.simulate",
+    "predict": "matest.estimation",
+    "render": "matest.shader",
+    "shade": "matest.shader",
+}
+_MODULES = ("brdf", "losses")
+
+__all__ = [
+    "Capture",
+    "Estimate",
+    "InputError",
+    "Scene",
+    "Trainable",
+    "brdf",
+    "estimate",
+    "load_capture",
+    "load_estimate",
+    "load_scene",
+    "losses",
+    "predict",
+    "render",
+    "shade",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _MODULES:
+        return importlib.import_module(f"matest.{name}")
+    if name in _HOME:
+        value = getattr(importlib.import_module(_HOME[name]), name)
+        globals()[name] = value
+        return value
+    raise AttributeError(f"module 'matest' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *_HOME, *_MODULES]

@@ -1,0 +1,169 @@
+"""What every reflectance model is: named parameters, and terms that are products of parameters and shapes."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any, ClassVar, NamedTuple
+
+import torch
+from torch import Tensor
+
+from matest.directions import Directions, above_horizon
+from matest.errors import InputError, nearest
+from matest.parameters import Parameter, options_of, parameters_of
+
+
+class Term(NamedTuple):
+    """One summand of a model: (product of the parameters named in `factors`) · `shape`.
+
+    `shape` [..., 1 or C] in 1/sr depends on the directions and on the remaining (non-linear) parameters only. This is
+    what lets an estimator eliminate the amplitudes: a model is a polynomial in its factors.
+    """
+
+    factors: tuple[str, ...]
+    shape: Tensor
+
+
+class Brdf:
+    """A bidirectional reflectance distribution function with declared parameters.
+
+    Calling it with local-frame unit directions `wi`, `wo` of shape [..., 3] returns values in 1/sr of shape [..., C],
+    without the cosine, zero below the horizon and never negative. C is 1 if every parameter is a scalar. Parameters
+    given as numbers or sequences are checked against their domain; tensors are taken as they are, so that they may
+    come from an optimiser. A parameter that differs per pixel carries the pixel's dimensions before the channel:
+    shape [..., 1 or C].
+
+    Raises:
+        InputError: a parameter outside its domain, an unknown option.
+    """
+
+    name: ClassVar[str]
+    source: ClassVar[str]
+    body: ClassVar[bool] = False  # describes light that has entered the surface (diffuse)
+
+    def __post_init__(self) -> None:
+        for name, declared in self.declared.items():
+            object.__setattr__(self, name, _as_tensor(getattr(self, name), declared, f"{self.name}: {name}"))
+        for name, choices in options_of(type(self)).items():
+            value = getattr(self, name)
+            if value not in choices:
+                raise InputError(f"{self.name}: {name} must be one of {', '.join(choices)}; got '{value}'.")
+
+    def terms(self, directions: Directions) -> tuple[Term, ...]:
+        """The model's terms at directions above the horizon."""
+        raise NotImplementedError
+
+    @property
+    def declared(self) -> dict[str, Parameter]:
+        """Declarations by name (in a sum: by path, `lambert.albedo`)."""
+        return parameters_of(type(self))
+
+    @property
+    def parameters(self) -> dict[str, Tensor]:
+        """Values by name (in a sum: by path)."""
+        return {name: getattr(self, name) for name in self.declared}
+
+    @property
+    def expression(self) -> str:
+        """The string that names this model and its options, as `--model` takes it."""
+        changed = [
+            f"{f.name}={getattr(self, f.name)}"
+            for f in dataclasses.fields(self)  # type: ignore[arg-type]
+            if f.name in options_of(type(self)) and getattr(self, f.name) != f.default
+        ]
+        return f"{self.name}({','.join(changed)})" if changed else self.name
+
+    def replace(self, values: Mapping[str, Any]) -> Brdf:
+        """The same model with other parameter values, by name or path."""
+        return dataclasses.replace(self, **values)  # type: ignore[type-var]
+
+    def evaluate(self, directions: Directions) -> Tensor:
+        """Values [..., C] at directions above the horizon."""
+        values = self.parameters
+        total: Tensor | float = 0.0
+        for factors, shape in self.terms(directions):
+            for factor in factors:
+                shape = shape * values[factor]
+            total = total + shape
+        # Fitted polynomials dip below zero near double grazing; a reflectance cannot.
+        return torch.as_tensor(total).clamp(min=0)
+
+    def __call__(self, wi: Tensor, wo: Tensor) -> Tensor:
+        directions, above = above_horizon(wi, wo)
+        values = self.to(wi.dtype, wi.device).evaluate(directions)
+        return torch.where(above, values, torch.zeros((), dtype=values.dtype, device=values.device))
+
+    def to(self, dtype: torch.dtype, device: torch.device | str) -> Brdf:
+        return self.replace({name: value.to(device, dtype) for name, value in self.parameters.items()})
+
+    def __add__(self, other: Brdf) -> Brdf:
+        return Sum(_components(self) + _components(other))
+
+
+@dataclasses.dataclass(frozen=True)
+class Sum(Brdf):
+    """The sum of several models. Its parameters are named by path: `oren-nayar.sigma`, `lambert.albedo`."""
+
+    components: tuple[Brdf, ...]
+    name: ClassVar[str] = "sum"
+    source: ClassVar[str] = ""
+
+    def __post_init__(self) -> None:
+        names = [component.name for component in self.components]
+        repeated = {name for name in names if names.count(name) > 1}
+        if repeated:
+            raise InputError(
+                f"a sum takes each model once; '{'+'.join(names)}' repeats {', '.join(sorted(repeated))}: leave it out."
+            )
+
+    @property
+    def _by_name(self) -> dict[str, Brdf]:
+        return {component.name: component for component in self.components}
+
+    @property
+    def declared(self) -> dict[str, Parameter]:
+        return {f"{name}.{key}": value for name, part in self._by_name.items() for key, value in part.declared.items()}
+
+    @property
+    def parameters(self) -> dict[str, Tensor]:
+        return {
+            f"{name}.{key}": value for name, part in self._by_name.items() for key, value in part.parameters.items()
+        }
+
+    @property
+    def expression(self) -> str:
+        return "+".join(component.expression for component in self.components)
+
+    def replace(self, values: Mapping[str, Any]) -> Brdf:
+        inside: dict[str, dict[str, Any]] = {name: {} for name in self._by_name}
+        for path, value in values.items():
+            name, _, key = path.partition(".")
+            if name not in inside:
+                raise InputError(f"no component '{name}' in the model '{self.expression}'; {nearest(name, inside)}")
+            inside[name][key] = value
+        return Sum(tuple(part.replace(inside[name]) for name, part in self._by_name.items()))
+
+    def terms(self, directions: Directions) -> tuple[Term, ...]:
+        return tuple(
+            Term(tuple(f"{name}.{factor}" for factor in factors), shape)
+            for name, part in self._by_name.items()
+            for factors, shape in part.terms(directions)
+        )
+
+
+def _components(brdf: Brdf) -> tuple[Brdf, ...]:
+    return brdf.components if isinstance(brdf, Sum) else (brdf,)
+
+
+def _as_tensor(value: Any, declared: Parameter, label: str) -> Tensor:
+    if isinstance(value, Tensor):
+        return value
+    try:
+        tensor = torch.as_tensor(value, dtype=torch.float64)
+    except (TypeError, ValueError, RuntimeError):
+        raise InputError(f"{label} must be a number, a list of one number per channel, or a tensor; got {value!r}.")
+    if not declared.domain.contains(tensor):
+        hint = " Angles are in radians." if declared.unit == "rad" else ""
+        raise InputError(f"{label} must lie in {declared.domain} {declared.unit}; got {tensor.tolist()}.{hint}")
+    return tensor

@@ -1,0 +1,28 @@
+"""Lambert's law."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import torch
+from torch import Tensor
+
+from matest.brdf.base import Brdf, Term
+from matest.directions import Directions
+from matest.parameters import parameter, unit_interval
+
+
+@dataclass(frozen=True)
+class Lambert(Brdf):
+    """f = albedo / π: the radiance of the surface does not depend on the direction of view."""
+
+    albedo: Tensor = parameter(unit_interval, unit="1", doc="albedo", default=0.5, linear=True, per_channel=True)
+
+    name: ClassVar[str] = "lambert"
+    source: ClassVar[str] = "Lambert 1760"
+    body: ClassVar[bool] = True
+
+    def terms(self, directions: Directions) -> tuple[Term, ...]:
+        return (Term(("albedo",), torch.full_like(directions.cos_i * directions.cos_o, 1 / math.pi)),)

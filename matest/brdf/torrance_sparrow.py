@@ -1,0 +1,51 @@
+"""Torrance and Sparrow's surface reflection, as Oren and Nayar add it to their body reflection."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import torch
+from torch import Tensor
+
+from matest.brdf.base import Brdf, Term
+from matest.brdf.microfacet import v_cavity
+from matest.directions import Directions
+from matest.parameters import interval, parameter, unit_interval
+
+_SIGMA_FLOOR = 1e-3
+
+
+@dataclass(frozen=True)
+class TorranceSparrow(Brdf):
+    """Specular V-cavities with the slope distribution of the body.
+
+    f = ks · G · exp(−α²/(2σ²)) / (cos θi cos θr),  α the angle between half vector and normal
+
+    `specular` ks absorbs the constants of the 1967 model and its Fresnel factor; `sigma` σ (rad) is the body's: tie
+    it to `oren-nayar.sigma`. Shapes as `Brdf`.
+
+    Source: Oren & Nayar 1994, section 4 (samples C and D), after Torrance & Sparrow 1967. Limits: not normalised; the
+    albedo at ks = 1 and σ = 20° is 2.3 at normal incidence, so ks of real surfaces is a few per cent.
+    """
+
+    specular: Tensor = parameter(
+        unit_interval,
+        unit="1",
+        doc="strength of the surface reflection ks",
+        default=0.02,
+        linear=True,
+        per_channel=True,
+    )
+    sigma: Tensor = parameter(
+        interval(0, math.pi / 2), unit="rad", doc="std. deviation of the facet slope angle", default=0.3
+    )
+
+    name: ClassVar[str] = "torrance-sparrow"
+    source: ClassVar[str] = "Oren & Nayar 1994, §4; Torrance & Sparrow 1967"
+
+    def terms(self, directions: Directions) -> tuple[Term, ...]:
+        spread = self.sigma.clamp(min=_SIGMA_FLOOR)
+        lobe = torch.exp(-0.5 * (directions.theta_half / spread).square())
+        return (Term(("specular",), 4 * lobe * v_cavity(directions)),)

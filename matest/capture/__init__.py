@@ -1,0 +1,6 @@
+"""Captures: photographs, their encoding and noise, and the samples they give."""
+
+from matest.capture.capture import Capture, load_capture
+from matest.capture.samples import Batch, Samples
+
+__all__ = ["Batch", "Capture", "Samples", "load_capture"]

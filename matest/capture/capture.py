@@ -1,0 +1,233 @@
+"""A capture: photographs of one object whose shape and lights are known."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+import time
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from matest.capture import schema
+from matest.capture.assembly import Folder, build_encoding, build_lights, build_surface, colour
+from matest.capture.images import full_scale, read_image
+from matest.capture.photometry import Encoding, Noise, estimate_noise, quantisation
+from matest.capture.samples import Samples
+from matest.errors import InputError
+from matest.scene import Scene
+
+# Pixels beyond this many bytes go to a temporary file: memory does not grow with the number of images.
+_MEMORY_BUDGET = 256 << 20
+# Noise is estimated from at most this many images.
+_NOISE_IMAGES = 8
+
+
+@dataclass(frozen=True)
+class Capture:
+    """Photographs with their geometry and light, read once; only the object's pixels are kept, as stored.
+
+    Attributes:
+        name: name of its folder.
+        scene: surface, lights, shadows.
+        stored: per image the object's pixels [N, C] as in the file.
+        encoding: from pixels to radiance.
+        exposures: per image.
+        noise: camera noise, given or estimated from the images.
+        noise_given: whether the capture states its noise.
+        relative: True when the common scale of the lights is unknown.
+        files: the image files.
+        timing: seconds spent reading images and building geometry.
+    """
+
+    name: str
+    scene: Scene
+    stored: tuple[np.ndarray, ...]
+    encoding: Encoding
+    exposures: tuple[float, ...]
+    noise: Noise
+    noise_given: bool
+    relative: bool
+    files: tuple[Path, ...]
+    timing: dict[str, float] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.stored)
+
+    @property
+    def channels(self) -> int:
+        return self.stored[0].shape[1]
+
+    def samples(
+        self,
+        images: Iterable[int] | None = None,
+        *,
+        dtype: torch.dtype = torch.float32,
+        device: torch.device | str = "cpu",
+    ) -> Samples:
+        """Geometry and photometry of every lit pixel, tile by tile (of some images only, if given)."""
+        return Samples(self, tuple(range(len(self))) if images is None else tuple(images), dtype, device)
+
+    def radiance(self, image: int, index: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """Measured radiance [n, C] of object pixels, float32."""
+        signal = self.encoding.signal(self.stored[image][index], index)
+        return signal * np.float32(self.encoding.scale / self.exposures[image])
+
+    def digests(self) -> dict[str, str]:
+        """SHA-256 of every image file, by name."""
+        return {file.name: "sha256:" + hashlib.sha256(file.read_bytes()).hexdigest() for file in self.files}
+
+
+def load_capture(
+    path: str | Path,
+    *,
+    transfer: str | float | None = None,
+    root: Path | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Capture:
+    """Read a capture: a folder with a `capture.toml`, or that file.
+
+    Images are decoded once and in parallel; shadows are traced where the object can shadow itself.
+
+    Args:
+        path: folder or file.
+        transfer: overrides `encoding.transfer`: "linear", "srgb" or a gamma.
+        root: folder that file references may not leave (default: the capture's own).
+        progress: called with the number of images decoded and their total.
+
+    Raises:
+        InputError: anything about the files that cannot be used, in one sentence.
+    """
+    file = capture_file(path, "capture.toml")
+    tables = schema.read(file, schema.CaptureFile)
+    folder = Folder(file.parent, (root or file.parent).absolute())
+    if not tables.image:
+        raise InputError(f"{file}: expected at least one [[image]]; got none.")
+    names = [table.file for table in tables.image]
+    if None in names:
+        raise InputError(f"{file}: image {names.index(None)} has no file; a capture names one for every [[image]].")
+    paths = [folder.file(name, f"image {k}: file") for k, name in enumerate(names) if name is not None]
+
+    clock = time.perf_counter()
+    first = read_image(paths[0])
+    read_s = time.perf_counter() - clock
+    shape, channels = (first.shape[0], first.shape[1]), first.shape[2]
+
+    clock = time.perf_counter()
+    surface = build_surface(tables, folder, shape, str(file))
+    lit = [build_lights(table, channels, f"{file}: image {k}") for k, table in enumerate(tables.image)]
+    for k, table in enumerate(tables.image):
+        if not (np.isfinite(table.exposure) and table.exposure > 0):
+            raise InputError(f"{file}: image {k}: exposure must be positive; got {table.exposure}.")
+    ambient = [colour(table.ambient, channels, f"{file}: image {k}: ambient") for k, table in enumerate(tables.image)]
+    encoding = build_encoding(tables.encoding, folder, surface, first.dtype.kind == "u", str(file), transfer)
+    scene = Scene(surface, tuple(lights for lights, _ in lit), torch.stack(ambient))
+    try:
+        scene = scene.with_shadows()
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from None
+    geometry_s = time.perf_counter() - clock
+
+    clock = time.perf_counter()
+    stored = _decode(paths, first, surface.pixels, progress)
+    read_s += time.perf_counter() - clock
+    capture = Capture(
+        name=file.parent.absolute().name,
+        scene=scene,
+        stored=stored,
+        encoding=encoding,
+        exposures=tuple(table.exposure for table in tables.image),
+        noise=Noise(0.0, 0.0),
+        noise_given=tables.noise is not None,
+        relative=tables.encoding.radiometry == "relative" or not all(known for _, known in lit),
+        files=tuple(paths),
+        timing={"read": read_s, "geometry": geometry_s},
+    )
+    return replace(capture, noise=_noise(capture, tables.noise))
+
+
+def capture_file(path: str | Path, name: str) -> Path:
+    """The TOML file that a path names: itself, or `name` inside the folder.
+
+    Raises:
+        InputError: there is none.
+    """
+    path = Path(path)
+    file = path / name if path.is_dir() else path
+    if not file.is_file():
+        expected = f"expected a folder with a {name}" if path.is_dir() or not path.suffix else "no such file"
+        raise InputError(f"{path}: {expected}; check the path.")
+    return file
+
+
+def _decode(
+    paths: list[Path], first: np.ndarray, pixels: np.ndarray, progress: Callable[[int, int], None] | None
+) -> tuple[np.ndarray, ...]:
+    """The object's pixels of every image; at no time are more than a few whole images in memory."""
+    spill = _Spill()
+
+    def load(path: Path) -> np.ndarray:
+        image = read_image(path)
+        if image.shape[:2] != first.shape[:2]:
+            raise InputError(
+                f"{path}: expected the size of the first image, {paths[0].name} ({first.shape[0]}×{first.shape[1]}); "
+                f"got {image.shape[0]}×{image.shape[1]}. All images of a capture have one size."
+            )
+        if image.shape[2] != first.shape[2] or image.dtype != first.dtype:
+            raise InputError(
+                f"{path}: expected {first.shape[2]} channel(s) of {first.dtype} like {paths[0].name}; got "
+                f"{image.shape[2]} of {image.dtype}. Convert the images to one kind."
+            )
+        return spill.keep(image.reshape(-1, image.shape[2])[pixels])
+
+    stored = [spill.keep(first.reshape(-1, first.shape[2])[pixels])]
+    workers = os.cpu_count() or 1
+    with ThreadPoolExecutor(workers) as pool:
+        for count, kept in enumerate(pool.map(load, paths[1:]), start=2):
+            stored.append(kept)
+            if progress:
+                progress(count, len(paths))
+    return tuple(stored)
+
+
+class _Spill:
+    """Keeps arrays in memory up to the budget, and beyond it in temporary files that vanish with them."""
+
+    def __init__(self) -> None:
+        self._bytes = 0
+
+    def keep(self, array: np.ndarray) -> np.ndarray:
+        self._bytes += array.nbytes
+        if self._bytes <= _MEMORY_BUDGET:
+            return array
+        with tempfile.TemporaryFile() as file:
+            spilled = np.memmap(file, dtype=array.dtype, shape=array.shape, mode="w+")
+        spilled[:] = array
+        spilled.flush()
+        return spilled
+
+
+def _noise(capture: Capture, table: schema.NoiseTable | None) -> Noise:
+    stored = capture.stored[0]
+    floor = quantisation(capture.encoding, stored.dtype)
+    if table is not None:
+        # Stated noise leaves rounding to the image format.
+        return Noise(float(np.hypot(max(table.read, 0.0), floor)) or 1e-4, max(table.gain, 0.0))
+    surface = capture.scene.surface
+    inside = surface.image(~surface.rim)
+    chosen = np.linspace(0, len(capture) - 1, min(len(capture), _NOISE_IMAGES)).round().astype(int)
+    signals = []
+    for image in chosen:
+        signal = capture.encoding.signal(capture.stored[image], slice(None)).astype(np.float32)
+        saturated = capture.encoding.saturated(capture.stored[image]) | (capture.stored[image] <= 0)
+        signal[saturated.any(axis=1)] = 0  # level 0 is left out
+        signals.append(surface.image(signal))
+    return estimate_noise(signals, inside, floor)
+
+
+__all__ = ["Capture", "full_scale", "load_capture"]

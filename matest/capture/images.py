@@ -1,0 +1,128 @@
+"""Reading image files: every format as H×W×C arrays in RGB order, integers kept as stored."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from matest.errors import InputError
+
+FORMATS = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".exr", ".hdr", ".npy")
+_ENDINGS = {".png": b"IEND\xaeB`\x82", ".jpg": b"\xff\xd9", ".jpeg": b"\xff\xd9"}
+
+
+def read_image(path: Path) -> np.ndarray:
+    """An image as H×W×C, C = 1 or 3, uint8, uint16 or float32; an alpha channel is dropped.
+
+    Raises:
+        InputError: missing, truncated or unreadable, an unsupported format, NaN or infinite values.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: no such image; put it there or correct 'file'.")
+    suffix = path.suffix.lower()
+    if suffix == ".npy":
+        image = _read_npy(path)
+    elif suffix == ".exr":
+        image = _read_exr(path)
+    elif suffix in FORMATS:
+        image = _read_opencv(path)
+    else:
+        raise InputError(f"{path}: expected one of {', '.join(FORMATS)}; got '{suffix}'. Convert the image.")
+    if image.ndim == 2:
+        image = image[..., None]
+    if image.ndim != 3 or image.shape[2] not in (1, 2, 3, 4) or not image.size:
+        raise InputError(f"{path}: expected a grey or RGB image, H×W or H×W×3; got shape {image.shape}. Convert it.")
+    image = image[..., : 1 if image.shape[2] < 3 else 3]
+    if image.dtype.kind == "f":
+        image = image.astype(np.float32, copy=False)
+        if not np.isfinite(image).all():
+            bad = int((~np.isfinite(image)).any(axis=2).sum())
+            raise InputError(
+                f"{path}: expected finite values; {bad} pixels are NaN or infinite. Mask them out by replacing them "
+                "with 0 and excluding them in the mask."
+            )
+    elif image.dtype not in (np.uint8, np.uint16):
+        raise InputError(f"{path}: expected 8 or 16 bit integers or floats; got {image.dtype}. Convert the image.")
+    return image
+
+
+def write_image(path: Path, image: np.ndarray) -> None:
+    """Write H×W or H×W×C (RGB): EXR from floats, PNG from uint8 or uint16."""
+    if path.suffix.lower() == ".exr":
+        import OpenEXR
+
+        pixels = np.ascontiguousarray(image, dtype=np.float32)
+        if pixels.ndim == 3 and pixels.shape[2] == 1:
+            pixels = pixels[..., 0]
+        channels = {"Y": pixels} if pixels.ndim == 2 else {"RGB": pixels}
+        header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+        OpenEXR.File(header, channels).write(os.fspath(path))
+        return
+    import cv2
+
+    pixels = image[..., ::-1] if image.ndim == 3 and image.shape[2] == 3 else image
+    done, encoded = cv2.imencode(path.suffix, np.ascontiguousarray(pixels))
+    if not done:
+        raise OSError(f"{path}: the image could not be encoded.")
+    path.write_bytes(encoded.tobytes())
+
+
+def read_mask(path: Path) -> np.ndarray:
+    """A mask as H×W floats in [0, 1] (anti-aliased edges kept); nonzero = object."""
+    image = read_image(path).max(axis=2).astype(np.float64)
+    if not image.any():
+        raise InputError(f"{path}: expected a mask whose nonzero pixels are the object; it is zero everywhere.")
+    return image / image.max()
+
+
+def full_scale(dtype: np.dtype) -> float:
+    """The code of full scale: 255, 65535, or 1 for floats, which are taken as stored."""
+    return float(np.iinfo(dtype).max) if dtype.kind == "u" else 1.0
+
+
+def _unreadable(path: Path, reason: str) -> InputError:
+    return InputError(f"{path}: the image cannot be read ({reason}); export or copy it again.")
+
+
+def _read_opencv(path: Path) -> np.ndarray:
+    import cv2
+
+    data = path.read_bytes()
+    ending = _ENDINGS.get(path.suffix.lower())
+    # Decoders fill what is missing with grey or zeros and only warn: a cut file must not pass as a photograph.
+    if ending and ending not in data[-4096:]:
+        raise _unreadable(path, f"the file is truncated after {len(data)} bytes, its end marker is missing")
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error:
+        image = None
+    if image is None:
+        raise _unreadable(path, f"it is no {path.suffix[1:].upper()} file that OpenCV decodes")
+    if image.ndim == 3 and image.shape[2] >= 3:
+        image = image[..., 2::-1]
+    return image
+
+
+def _read_npy(path: Path) -> np.ndarray:
+    try:
+        return np.load(path, allow_pickle=False)
+    except (ValueError, OSError, EOFError) as error:
+        raise _unreadable(path, f"NumPy says: {str(error).splitlines()[0]}") from None
+
+
+def _read_exr(path: Path) -> np.ndarray:
+    import OpenEXR
+
+    try:
+        with OpenEXR.File(os.fspath(path), separate_channels=True) as file:
+            channels = {name: np.array(channel.pixels) for name, channel in file.channels().items()}
+    except (RuntimeError, ValueError, OSError) as error:
+        raise _unreadable(path, f"OpenEXR says: {str(error).splitlines()[0]}") from None
+    for names in (("R", "G", "B"), ("X", "Y", "Z"), ("Y",)):
+        if all(name in channels for name in names):
+            return np.stack([channels[name] for name in names], axis=-1)
+    if len(channels) == 1:
+        return next(iter(channels.values()))
+    raise InputError(f"{path}: expected channels R, G, B or Y; got {', '.join(channels)}. Rename the channels.")

@@ -1,0 +1,150 @@
+"""From pixel values to radiance and its variance, and the noise of a camera estimated from its own pictures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+# Relative error of float images that no noise model describes: rounding and geometry.
+_FLOAT_FLOOR = 1e-4
+
+
+@dataclass(frozen=True)
+class Noise:
+    """variance = read² + gain·signal, in fractions of full scale (signal above black, linear)."""
+
+    read: float
+    gain: float
+
+    def variance(self, signal: Tensor) -> Tensor:
+        return self.read**2 + self.gain * signal.clamp(min=0)
+
+
+@dataclass(frozen=True)
+class Encoding:
+    """How a pixel encodes radiance: radiance = (linear pixel − black) · scale / exposure.
+
+    Attributes:
+        transfer: "linear", "srgb" or the exponent of a power law.
+        scale: radiance of full scale.
+        black: pedestal as a fraction of full scale; a number, or per object pixel and channel [N, C].
+        flat: flat field per object pixel [N, C], divided out; None = 1.
+        saturation: fraction of full scale (as stored) from which on a pixel is saturated; None = never.
+    """
+
+    transfer: str | float = "linear"
+    scale: float = 1.0
+    black: float | np.ndarray = 0.0
+    flat: np.ndarray | None = None
+    saturation: float | None = None
+
+    def linear(self, fraction: np.ndarray) -> np.ndarray:
+        """Undo the transfer function on values as fractions of full scale."""
+        if self.transfer == "linear":
+            return fraction
+        if self.transfer == "srgb":
+            return np.where(fraction <= 0.04045, fraction / 12.92, ((fraction.clip(0.04045) + 0.055) / 1.055) ** 2.4)
+        return np.clip(fraction, 0, None) ** float(self.transfer)
+
+    def encoded(self, linear: np.ndarray) -> np.ndarray:
+        """Apply the transfer function: the inverse of `linear`."""
+        linear = np.clip(linear, 0, None)
+        if self.transfer == "linear":
+            return linear
+        if self.transfer == "srgb":
+            return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear.clip(0.0031308) ** (1 / 2.4) - 0.055)
+        return linear ** (1 / float(self.transfer))
+
+    def signal(self, stored: np.ndarray, index: np.ndarray | slice) -> np.ndarray:
+        """Stored pixels [n, C] of the object pixels `index` as linear fractions of full scale above black."""
+        if stored.dtype.kind == "u":
+            scale = np.iinfo(stored.dtype).max
+            if self.transfer == "linear":
+                linear = stored.astype(np.float32) * np.float32(1 / scale)
+            else:
+                table = self.linear(np.arange(scale + 1) / scale).astype(np.float32)
+                linear = table[stored]
+        else:
+            linear = self.linear(stored)
+        black = self.black if isinstance(self.black, float) else self.black[index]
+        if isinstance(black, np.ndarray) or black:
+            linear = linear - np.asarray(black, dtype=np.float32)
+        if self.flat is not None:
+            linear = linear / self.flat[index]
+        return linear
+
+    def saturated(self, stored: np.ndarray) -> np.ndarray:
+        """True where the stored value is at or above saturation, [n, C]."""
+        if self.saturation is None:
+            return np.zeros(stored.shape, dtype=bool)
+        full = np.iinfo(stored.dtype).max if stored.dtype.kind == "u" else 1.0
+        return stored >= min(self.saturation, 1.0) * full if stored.dtype.kind == "u" else stored > self.saturation
+
+
+def srgb(linear: np.ndarray) -> np.ndarray:
+    """8-bit sRGB from linear values, white at 1: for pictures that people look at."""
+    return np.round(255 * Encoding("srgb").encoded(np.clip(linear, 0, 1))).astype(np.uint8)
+
+
+def quantisation(encoding: Encoding, dtype: np.dtype) -> float:
+    """Standard deviation of rounding to the stored integers, linear fractions of full scale, at mid-tones."""
+    if dtype.kind != "u":
+        return 0.0
+    step = 1 / np.iinfo(dtype).max
+    middle = encoding.linear(np.array([0.5, 0.5 + step]))
+    return float(middle[1] - middle[0]) / np.sqrt(12)
+
+
+def estimate_noise(images: list[np.ndarray], inside: np.ndarray, floor: float) -> Noise:
+    """Read noise and gain from the pictures themselves.
+
+    A second-difference mask blind to planes and to curvature along rows or columns leaves noise; its variance against
+    local brightness is a line: read² + gain·signal. The median over the pixels of a brightness class ignores edges.
+
+    Args:
+        images: linear signals H×W×C, fractions of full scale.
+        inside: H×W, pixels well inside the object.
+        floor: smallest read noise believed (quantisation).
+    """
+    import cv2
+
+    kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float64)
+    levels, spreads = [], []
+    for image in images:
+        for channel in np.moveaxis(image, 2, 0):
+            plane = np.ascontiguousarray(channel, dtype=np.float64)
+            levels.append(cv2.blur(plane, (3, 3))[inside])
+            spreads.append(np.abs(cv2.filter2D(plane, -1, kernel)[inside]))
+    level, spread = np.concatenate(levels), np.concatenate(spreads)
+    lit = level > 1e-3 * level.max()
+    level, spread = level[lit], spread[lit]
+    if level.size < 100:
+        return Noise(max(floor, _FLOAT_FLOOR * float(level.max(initial=1e-3))), 0.0)
+    edges = np.quantile(level, np.linspace(0, 1, min(20, level.size // 50) + 1))
+    bins = np.clip(np.searchsorted(edges, level, side="right") - 1, 0, len(edges) - 2)
+    counts = np.bincount(bins, minlength=len(edges) - 1)
+    used = np.flatnonzero(counts >= 20)
+    x = np.array([level[bins == b].mean() for b in used])
+    # Median of |N(0, 1)| = 0.6745; the mask has gain 6.
+    y = np.array([(np.median(spread[bins == b]) / (6 * 0.6745)) ** 2 for b in used])
+    return _line(x, y, counts[used], floor)
+
+
+def _line(x: np.ndarray, y: np.ndarray, counts: np.ndarray, floor: float) -> Noise:
+    """Non-negative weighted fit of y = read² + gain·x; a variance is uncertain in proportion to itself."""
+    smallest = floor**2 + (_FLOAT_FLOOR * x.max()) ** 2
+    weight = np.sqrt(counts) / np.maximum(y, smallest)
+    design = np.stack([np.ones_like(x), x], axis=1) * weight[:, None]
+    read2, gain = np.linalg.lstsq(design, y * weight, rcond=None)[0]
+    if gain < 0:
+        read2, gain = float(np.average(y, weights=weight**2)), 0.0
+    elif read2 < 0:
+        read2, gain = 0.0, float(np.average(y / x, weights=(weight * x) ** 2))
+    return Noise(float(np.sqrt(max(read2, smallest))), float(gain))
+
+
+def as_tensor(array: np.ndarray, dtype: torch.dtype, device: torch.device | str) -> Tensor:
+    return torch.from_numpy(np.ascontiguousarray(array)).to(device, dtype)

@@ -1,0 +1,233 @@
+"""The waist of matest: for every lit pixel of every image, the geometry and the measured radiance with its noise."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from matest.capture.photometry import as_tensor
+from matest.scene import Points
+
+if TYPE_CHECKING:
+    from matest.capture.capture import Capture
+
+TILE = 16_384
+# A pixel counts only where the model is this many standard deviations from clipping: chosen by the noisy pixel
+# itself, what is left over would be biased.
+_CLIP_MARGIN = 4.0
+# Fewer images than this: clusters are blocks of pixels, _BLOCKS × _BLOCKS an image.
+MIN_IMAGE_CLUSTERS = 4
+_BLOCKS = 4
+
+
+class Readout(NamedTuple):
+    """Noise and range of an image in radiance: variance = read + gain·radiance between `lowest` and `highest`."""
+
+    read: Tensor
+    gain: Tensor
+    lowest: Tensor
+    highest: Tensor
+
+
+@dataclass(frozen=True)
+class Batch:
+    """n samples: points, their measured radiance [n, C], the noise of their pixels.
+
+    Attributes:
+        points: geometry and light.
+        radiance: measured, [n, C].
+        readout: noise and range; tensors [1 or n, 1].
+        cluster: label of the part of the capture whose errors may be correlated (None when mixed).
+    """
+
+    points: Points
+    radiance: Tensor
+    readout: Readout
+    cluster: int | None = None
+
+    def __len__(self) -> int:
+        return len(self.radiance)
+
+    def variance(self, radiance: Tensor) -> Tensor:
+        """Noise variance of a pixel of this true `radiance` [n, C]."""
+        return self.readout.read + self.readout.gain * radiance.clamp(min=0)
+
+    def weight(self, radiance: Tensor) -> Tensor:
+        """Inverse variance at the model's `radiance` [n, C]; 0 where the sensor would clip it."""
+        inside = (radiance >= self.readout.lowest) & (radiance <= self.readout.highest)
+        return inside / self.variance(radiance)
+
+
+class Samples:
+    """Samples of some images of a capture.
+
+    Left out, and counted in `skipped`: background, shadowed (attached and cast, with the edge of cast shadows),
+    saturated (in any channel), rim (pixels that may mix object and background).
+    """
+
+    def __init__(
+        self, capture: Capture, images: tuple[int, ...], dtype: torch.dtype, device: torch.device | str
+    ) -> None:
+        self.capture = capture
+        self.images = images
+        self.dtype = dtype
+        self.device = device
+
+    @cached_property
+    def _selection(self) -> tuple[list[np.ndarray], dict[str, int]]:
+        """Per image the indices of its usable pixels, and what was skipped."""
+        scene = self.capture.scene
+        surface = scene.surface
+        skipped = dict.fromkeys(("background", "shadowed", "saturated", "rim", "redundant"), 0)
+        kept = []
+        for image in self.images:
+            usable = ~surface.rim
+            skipped["background"] += surface.shape[0] * surface.shape[1] - len(surface)
+            skipped["rim"] += int(surface.rim.sum())
+            dark = usable & ~self._lit(image)
+            usable &= ~dark
+            skipped["shadowed"] += int(dark.sum())
+            saturated = usable & self.capture.encoding.saturated(self.capture.stored[image]).any(axis=1)
+            usable &= ~saturated
+            skipped["saturated"] += int(saturated.sum())
+            kept.append(np.flatnonzero(usable).astype(np.int32))
+        return kept, skipped
+
+    def _lit(self, image: int) -> np.ndarray:
+        """True where some light, or ambient light, reaches the pixel, and no shadow edge crosses it."""
+        scene = self.capture.scene
+        surface = scene.surface
+        lit = np.full(len(surface), bool((scene.ambient[image] > 0).any()))
+        shadows = scene.shadows[image] if scene.shadows else None
+        for number, light in enumerate(scene.lights[image]):
+            toward, _ = light.at(surface.positions)
+            faces = ((surface.normals * toward).sum(-1) > 0).numpy()
+            lit |= faces if shadows is None else faces & ~shadows[number]
+        edge = scene.shadow_edge[image] if scene.shadow_edge else None
+        return lit if edge is None else lit & ~edge
+
+    @property
+    def skipped(self) -> dict[str, int]:
+        return dict(self._selection[1])
+
+    def __len__(self) -> int:
+        return sum(len(index) for index in self._selection[0])
+
+    def indices(self, position: int) -> np.ndarray:
+        """Usable pixels (indices into the surface) of the image at `position` in `images`."""
+        return self._selection[0][position]
+
+    def at(self, image: int, index: np.ndarray, cluster: int | None = None) -> Batch:
+        """The samples of one image at some pixels."""
+        capture = self.capture
+        chosen = torch.from_numpy(index.astype(np.int64))
+        return Batch(
+            points=capture.scene.points(image, chosen, dtype=self.dtype, device=self.device),
+            radiance=as_tensor(capture.radiance(image, index), self.dtype, self.device),
+            readout=self._readout(image),
+            cluster=cluster,
+        )
+
+    def _readout(self, image: int) -> Readout:
+        capture = self.capture
+        encoding, noise = capture.encoding, capture.noise
+        scale = encoding.scale / capture.exposures[image]
+        lowest, highest = -np.inf, np.inf
+        if capture.stored[image].dtype.kind == "u":
+            black = encoding.black if isinstance(encoding.black, float) else 0.0
+            lowest = (_CLIP_MARGIN * noise.read - black) * scale
+        if encoding.saturation is not None:
+            top = float(encoding.linear(np.array(encoding.saturation)))
+            highest = (top - _CLIP_MARGIN * np.sqrt(noise.read**2 + noise.gain * top)) * scale
+        values = ((noise.read * scale) ** 2, noise.gain * scale, lowest, highest)
+        return Readout(*(torch.full((1, 1), value, dtype=self.dtype, device=self.device) for value in values))
+
+    def tiles(self, size: int = TILE) -> Iterator[Batch]:
+        """All samples in tiles that fit the processor's cache, each of one image and one cluster."""
+        for position, image in enumerate(self.images):
+            for cluster, index in self._clusters(position):
+                for start in range(0, len(index), size):
+                    yield self.at(image, index[start : start + size], cluster)
+
+    def _clusters(self, position: int) -> list[tuple[int, np.ndarray]]:
+        index = self.indices(position)
+        if len(self.images) >= MIN_IMAGE_CLUSTERS:
+            return [(position, index)]
+        surface = self.capture.scene.surface
+        rows, columns = np.divmod(surface.pixels, surface.shape[1])
+        cells = _cell(rows) * _BLOCKS + _cell(columns)
+        own = cells[index]
+        return [(position * _BLOCKS**2 + cell, index[own == cell]) for cell in range(_BLOCKS**2) if (own == cell).any()]
+
+    def batches(self, size: int, *, shuffle: bool = False, seed: int = 0) -> Iterator[Batch]:
+        """Mini-batches for a training loop of one's own; with `shuffle`, drawn over all images without replacement.
+
+        Args:
+            size: samples per batch; the last one may be smaller.
+            shuffle: mix images and pixels.
+            seed: of the permutation.
+        """
+        if not shuffle:
+            yield from self.tiles(size)
+            return
+        lengths = [len(self.indices(position)) for position in range(len(self.images))]
+        starts = np.cumsum([0, *lengths])
+        order = np.random.default_rng(seed).permutation(starts[-1])
+        for first in range(0, len(order), size):
+            chosen = np.sort(order[first : first + size])
+            edges = np.searchsorted(chosen, starts)
+            parts = [
+                self.at(image, self.indices(position)[chosen[edges[position] : edges[position + 1]] - starts[position]])
+                for position, image in enumerate(self.images)
+                if edges[position] < edges[position + 1]
+            ]
+            yield _join(parts)
+
+
+def _cell(coordinate: np.ndarray) -> np.ndarray:
+    """Which of `_BLOCKS` equal stretches of the object each coordinate falls into."""
+    low, span = coordinate.min(), np.ptp(coordinate) + 1
+    return (coordinate - low) * _BLOCKS // span
+
+
+def _join(parts: list[Batch]) -> Batch:
+    """One batch of several; images with fewer lights get dark ones."""
+    lights = max(part.points.wi.shape[-2] for part in parts)
+    points = [_spread(part.points, len(part), lights) for part in parts]
+    ambient = None
+    if any(p.ambient is not None for p in points):
+        shapes = [part.radiance.shape for part in parts]
+        ambient = torch.cat(
+            [
+                p.irradiance.new_zeros(shape) if p.ambient is None else p.ambient.expand(shape)
+                for p, shape in zip(points, shapes, strict=True)
+            ]
+        )
+    readouts = [[value.expand(len(part), 1) for value in part.readout] for part in parts]
+    return Batch(
+        points=Points(
+            torch.cat([p.wi for p in points]),
+            torch.cat([p.wo for p in points]),
+            torch.cat([p.irradiance for p in points]),
+            ambient,
+        ),
+        radiance=torch.cat([part.radiance for part in parts]),
+        readout=Readout(*(torch.cat(column) for column in zip(*readouts, strict=True))),
+    )
+
+
+def _spread(points: Points, count: int, lights: int) -> Points:
+    """Points with every tensor at full size and dark lights added up to `lights`."""
+    missing = lights - points.wi.shape[-2]
+    wi = points.wi.expand(count, -1, -1)
+    irradiance = points.irradiance.expand(count, -1, -1)
+    if missing:
+        wi = torch.cat([wi, points.wo[:, None].expand(count, missing, 3)], dim=1)
+        irradiance = torch.cat([irradiance, irradiance.new_zeros(count, missing, irradiance.shape[-1])], dim=1)
+    return Points(wi, points.wo.expand(count, -1), irradiance, points.ambient)

@@ -1,0 +1,143 @@
+"""The file formats `capture.toml` and scene, as types; reading them with errors that name the file and the mend."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+import msgspec
+
+from matest.errors import InputError, nearest
+
+Vector = tuple[float, float, float]
+
+
+class _Table(msgspec.Struct, forbid_unknown_fields=True):
+    pass
+
+
+class GeometryTable(_Table):
+    mesh: str | None = None
+    normals: str | None = None
+    positions: str | None = None
+    shape: Literal["sphere"] | None = None
+    centre: tuple[float, float] | None = None
+    radius: float | None = None
+
+
+class CameraTable(_Table):
+    kind: Literal["orthographic", "perspective"] = "orthographic"
+    position: Vector = (0.0, 0.0, 5.0)
+    target: Vector = (0.0, 0.0, 0.0)
+    up: Vector = (0.0, 1.0, 0.0)
+    height: float | None = None
+    fov_y: float | None = None
+    matrix: tuple[Vector, Vector, Vector] | None = None
+    distortion: list[float] = []
+    wavelength: list[float] | None = None
+    resolution: tuple[int, int] | None = None  # scenes: width, height
+    supersampling: int = 1  # scenes: rays per pixel and axis
+
+
+class EncodingTable(_Table):
+    transfer: Literal["linear", "srgb"] | float | None = None
+    scale: float | None = None
+    black: float | str = 0.0
+    flat: str | None = None
+    saturation: float | None = None
+    radiometry: Literal["absolute", "relative"] = "absolute"
+
+
+class NoiseTable(_Table):
+    read: float = 0.0
+    gain: float = 0.0
+    bits: Literal[8, 16] | None = None  # scenes: integer images; absent: float
+    seed: int = 0  # scenes
+
+
+class LightTable(_Table):
+    direction: Vector | None = None
+    position: Vector | None = None
+    irradiance: float | list[float] | None = None
+    intensity: float | list[float] | None = None
+    radiance: float | list[float] | None = None
+    solid_angle: float | None = None
+
+
+class ImageTable(_Table):
+    file: str | None = None
+    exposure: float = 1.0
+    lights: list[LightTable] = []
+    ambient: float | list[float] = 0.0
+
+
+class CaptureFile(_Table, kw_only=True):
+    """`capture.toml`."""
+
+    geometry: GeometryTable
+    image: list[ImageTable]
+    mask: str | None = None
+    camera: CameraTable | None = None
+    encoding: EncodingTable = msgspec.field(default_factory=EncodingTable)
+    noise: NoiseTable | None = None
+
+
+class SceneFile(CaptureFile, kw_only=True):
+    """A capture file with a `[material]` table: what `matest render` turns into a capture."""
+
+    material: dict[str, Any]
+
+
+_File = TypeVar("_File", bound=CaptureFile)
+
+
+def read(path: Path, kind: type[_File]) -> _File:
+    """Parse and validate a TOML file.
+
+    Raises:
+        InputError: missing, not TOML, an unknown key (with the nearest known one), a value of the wrong type.
+    """
+    try:
+        table = tomllib.loads(path.read_text("utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; a capture is a folder with a capture.toml.") from None
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"{path}: expected a TOML file; {error}.") from None
+    try:
+        return msgspec.convert(table, kind)
+    except msgspec.ValidationError as error:
+        raise InputError(f"{path}: {_explain(str(error), kind)}") from None
+
+
+def _explain(message: str, kind: type) -> str:
+    """msgspec's message as a sentence in the file's own words."""
+    text, _, where = message.partition(" - at `$")
+    where = where.rstrip("`").lstrip(".")
+    where = re.sub(r"\[(\d+)\]", r"[\1]", where)
+    unknown = re.search(r"unknown field `(.+)`", text)
+    if unknown:
+        key = unknown.group(1)
+        inside = f"[{where}]" if where else "the file"
+        return f"unknown key '{key}' in {inside}; {nearest(key, _fields(kind, where))}"
+    missing = re.search(r"missing required field `(.+)`", text)
+    if missing:
+        inside = f"in [{where}]" if where else ""
+        return f"the key '{missing.group(1)}' is missing {inside}".rstrip() + "; add it."
+    expected = text.replace("Expected", "expected").replace("`", "").replace("array", "a list")
+    return f"{where or 'the file'}: {expected}; correct the value."
+
+
+def _fields(kind: type, where: str) -> list[str]:
+    """Keys known in the table at the path `where`, such as `image[...].lights[...]`."""
+    current: Any = kind
+    for name in filter(None, re.sub(r"\[[^\]]*\]", "", where).split(".")):
+        annotation = next(f.type for f in msgspec.structs.fields(current) if f.name == name)
+        current = next(t for t in _flatten(annotation) if isinstance(t, type) and issubclass(t, msgspec.Struct))
+    return [f.name for f in msgspec.structs.fields(current)]
+
+
+def _flatten(annotation: Any) -> list[Any]:
+    arguments = getattr(annotation, "__args__", ())
+    return [annotation] if not arguments else [t for a in arguments for t in _flatten(a)]

@@ -1,0 +1,124 @@
+"""Directions to the light and to the viewer in the local frame, and what follows from them.
+
+Local frame: z is the surface normal, x the tangent, y the bitangent (right-handed). Both directions point away from
+the surface. Quantities are computed when first asked for and then kept, so that the terms of a sum share them.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import torch
+from torch import Tensor
+
+# sin² below this counts as this: keeps the derivative of the square root finite at normal incidence.
+_SIN2_FLOOR = 1e-20
+
+
+class Directions:
+    """A batch of direction pairs. Every quantity has the shape [..., 1], ready to broadcast against channels.
+
+    Args:
+        wi: unit vectors to the light, [..., 3].
+        wo: unit vectors to the viewer, [..., 3], broadcastable against `wi`.
+    """
+
+    def __init__(self, wi: Tensor, wo: Tensor) -> None:
+        self._wi = wi.split(1, dim=-1)
+        self._wo = wo.split(1, dim=-1)
+
+    @property
+    def cos_i(self) -> Tensor:
+        """cos θi = N·L."""
+        return self._wi[2]
+
+    @property
+    def cos_o(self) -> Tensor:
+        """cos θr = N·V."""
+        return self._wo[2]
+
+    @cached_property
+    def sin_i(self) -> Tensor:
+        return _sine(self._wi)
+
+    @cached_property
+    def sin_o(self) -> Tensor:
+        return _sine(self._wo)
+
+    @cached_property
+    def theta_i(self) -> Tensor:
+        """Polar angle of the light, from both sine and cosine: accurate over the whole quadrant."""
+        return torch.atan2(self.sin_i, self.cos_i)
+
+    @cached_property
+    def theta_o(self) -> Tensor:
+        return torch.atan2(self.sin_o, self.cos_o)
+
+    @cached_property
+    def tangential(self) -> Tensor:
+        """sin θi sin θr cos(φr − φi): the one scalar that carries the azimuth in isotropic models."""
+        return self._wi[0] * self._wo[0] + self._wi[1] * self._wo[1]
+
+    @cached_property
+    def half_squared(self) -> Tensor:
+        """|L + V|² = 4 cos²θh, θh the angle between light and half vector. Positive above the horizon."""
+        return (self._half_tangential_squared + self._half_z * self._half_z).clamp(min=1e-14)
+
+    @cached_property
+    def cos_d(self) -> Tensor:
+        """cos θh = V·H = L·H, clamped to at most 1 (inputs are unit vectors to rounding only)."""
+        return (0.5 * self.half_squared.sqrt()).clamp(max=1.0)
+
+    @cached_property
+    def cos2_half(self) -> Tensor:
+        """cos²α, α the angle between half vector and normal, at least 1e-6 (no lobe has weight beyond)."""
+        return (self._half_z * self._half_z / self.half_squared).clamp(min=1e-6)
+
+    @cached_property
+    def tan2_half(self) -> Tensor:
+        """tan²α, free of cancellation at small α; at most about 1e6."""
+        return self._half_tangential_squared / (self.cos2_half * self.half_squared)
+
+    @cached_property
+    def theta_half(self) -> Tensor:
+        """α itself, by atan2: its derivative stays finite at α = 0."""
+        return torch.atan2(self._half_tangential_squared.clamp(min=_SIN2_FLOOR).sqrt(), self._half_z)
+
+    @cached_property
+    def _half_z(self) -> Tensor:
+        return self.cos_i + self.cos_o
+
+    @cached_property
+    def _half_tangential_squared(self) -> Tensor:
+        x = self._wi[0] + self._wo[0]
+        y = self._wi[1] + self._wo[1]
+        return x * x + y * y
+
+
+def above_horizon(wi: Tensor, wo: Tensor) -> tuple[Directions, Tensor]:
+    """Directions safe to evaluate, and the mask [..., 1] of pairs with both ends above the horizon.
+
+    Pairs below the horizon are replaced by the normal *before* any arithmetic, so that the values thrown away
+    afterwards have finite derivatives.
+    """
+    above = (wi[..., 2:] > 0) & (wo[..., 2:] > 0)
+    normal = wi.new_tensor([0.0, 0.0, 1.0])
+    return Directions(torch.where(above, wi, normal), torch.where(above, wo, normal)), above
+
+
+def to_local(normal: Tensor, *vectors: Tensor) -> list[Tensor]:
+    """Components of world vectors [..., 3] in the frame (tangent, bitangent, normal) of unit normals [..., 3].
+
+    The tangent is the projection of the world's x axis (of the y axis where the normal is near x): it varies smoothly
+    over an object facing the viewer, and isotropic models do not depend on it.
+    """
+    x, y = normal.new_tensor([1.0, 0.0, 0.0]), normal.new_tensor([0.0, 1.0, 0.0])
+    axis = torch.where(normal[..., :1].abs() < 0.9, x, y)
+    tangent = torch.nn.functional.normalize(axis - (axis * normal).sum(-1, keepdim=True) * normal, dim=-1)
+    bitangent = torch.linalg.cross(normal, tangent)
+    frame = (tangent, bitangent, normal)
+    return [torch.stack([(axis * vector).sum(-1) for axis in frame], dim=-1) for vector in vectors]
+
+
+def _sine(vector: tuple[Tensor, ...]) -> Tensor:
+    return (vector[0] * vector[0] + vector[1] * vector[1]).clamp(min=_SIN2_FLOOR).sqrt()

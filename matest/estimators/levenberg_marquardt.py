@@ -1,0 +1,130 @@
+"""Levenberg-Marquardt within bounds, on additive statistics."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from matest.estimators.linearise import Statistics
+from matest.estimators.problem import Problem
+
+# A promised drop in χ² below this share of it drowns in single-precision rounding.
+_ROUNDING = 1e-8
+
+Evaluate = Callable[[Tensor], Statistics]
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Where an iteration ended.
+
+    Attributes:
+        problem: what was solved.
+        unknowns: u [P].
+        statistics: of the last pass, taken at `unknowns`.
+        iterations: passes over the samples.
+        last_step: length of the move the next step would make, in standard errors.
+        converged: whether that is small.
+    """
+
+    problem: Problem
+    unknowns: Tensor
+    statistics: Statistics
+    iterations: int
+    last_step: float
+    converged: bool
+
+
+def at_bound(problem: Problem, unknowns: Tensor, gradient: Tensor) -> Tensor:
+    """True for unknowns at an end of their domain that the data push outward (gradient = JᵀWr points downhill)."""
+    lower, upper = problem.lower, problem.upper
+    width = torch.where(torch.isfinite(upper), upper - lower, torch.ones_like(upper))
+    below = (unknowns <= lower + 1e-9 * width) & (gradient <= 0)
+    above = (unknowns >= upper - 1e-9 * width) & (gradient >= 0)
+    return below | above
+
+
+@dataclass(frozen=True)
+class _Step:
+    """A damped Gauss-Newton step inside the bounds.
+
+    Attributes:
+        change: of the unknowns [P].
+        slope: rate at which χ² falls along it at its start.
+        curvature: the Gauss-Newton model's second-order rise, so that χ² drops by slope − curvature.
+        length: in standard errors, jointly: a step along a direction the data hardly see is long but harmless.
+    """
+
+    change: Tensor
+    slope: float
+    curvature: float
+    length: float
+
+
+def _step(problem: Problem, unknowns: Tensor, statistics: Statistics, damping: float) -> _Step:
+    """The minimum of the damped quadratic model of χ² inside the bounds, by a primal active-set method."""
+    information, gradient = statistics.information, statistics.gradient
+    scale = information.diagonal().clamp(min=1e-300).rsqrt()
+    # In units of standard errors without correlation: the damped matrix has diagonal 1 + damping.
+    scaled = information * scale[:, None] * scale[None, :] + (damping + 1e-13) * torch.eye(len(scale)).double()
+    position, slope = unknowns, gradient * scale
+    held = at_bound(problem, position, slope)
+    for _ in range(4 * problem.size):
+        index = (~held).nonzero()[:, 0]
+        direction = torch.zeros_like(unknowns)
+        solved = torch.linalg.lstsq(scaled[index][:, index], slope[index][:, None]).solution[:, 0]
+        direction[index] = solved * scale[index]
+        # As far as the first bound on the way, which that unknown then keeps.
+        room = torch.where(direction > 0, problem.upper - position, problem.lower - position)
+        share = torch.where(direction != 0, room / direction, math.inf).clamp(min=0)
+        reach = float(share.min())
+        position = position + min(reach, 1.0) * direction
+        position = torch.minimum(torch.maximum(position, problem.lower), problem.upper)
+        slope = gradient * scale - scaled @ ((position - unknowns) / scale)
+        if reach < 1:
+            held[int(share.argmin())] = True
+            continue
+        inward = held & ~at_bound(problem, position, slope)
+        if not bool(inward.any()):
+            break
+        held[int((inward * slope.abs()).argmax())] = False
+    change = position - unknowns
+    curvature = float((change @ information @ change).clamp(min=0))
+    return _Step(change, float(2 * gradient @ change), curvature, math.sqrt(curvature / statistics.misfit))
+
+
+def minimise(problem: Problem, start: Tensor, evaluate: Evaluate, *, passes: int, tolerance: float) -> Solution:
+    """Minimise a sum of squares with fixed weights from `start` (damping after Nielsen 1999).
+
+    Args:
+        problem: bounds.
+        start: u [P].
+        evaluate: a pass over the samples: statistics at u with the same weights every time.
+        passes: at most this many.
+        tolerance: stop when the next step promises to move u by less than this many standard errors (those of the
+            residuals found, which a misfit makes larger than the noise alone would).
+    """
+    unknowns, statistics = start, evaluate(start)
+    damping, growth, share = 1e-6, 2.0, 1.0
+    step = _step(problem, unknowns, statistics, damping)
+    for iteration in range(1, passes):
+        chi2 = statistics.total("chi2")
+        promise = share * step.slope - share**2 * step.curvature
+        if step.length < tolerance or promise < _ROUNDING * chi2:
+            return Solution(problem, unknowns, statistics, iteration, step.length, True)
+        target = unknowns + share * step.change
+        tried = evaluate(target)
+        drop = chi2 - tried.total("chi2")
+        if drop > 0:
+            # Residuals of a model that does not hold bend χ² more than Gauss-Newton sees; the next step allows for it.
+            bend = (share * step.slope - drop) / (share**2 * step.curvature)
+            unknowns, statistics = target, tried
+            damping, growth, share = damping * max(0.1, 1 - (2 * drop / promise - 1) ** 3), 2.0, 1 / max(bend, 1.0)
+        else:
+            damping, growth, share = max(damping, 1e-3) * growth, growth * 2, 1.0
+        step = _step(problem, unknowns, statistics, damping)
+    return Solution(problem, unknowns, statistics, passes, step.length, step.length < tolerance)

@@ -1,0 +1,75 @@
+"""Amplitudes in closed form: bounded least squares from normal equations, many small problems at once."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from matest.estimators.problem import Problem
+
+_ITERATIONS = 20
+
+
+def amplitudes(
+    problem: Problem, factors: list[tuple[str, ...]], gram: Tensor, moment: Tensor, gauges: dict[str, Tensor]
+) -> tuple[Tensor, Tensor]:
+    """Best amplitudes for fixed shapes, and the drop in cost that they bring.
+
+    The model is Σk gk(a) φk with gk products of amplitudes, so cost = gᵀMg − 2gᵀb + const. Linear models are solved
+    by projected Newton steps in one go, products (Oren-Nayar's ρ and ρ²) in a few.
+
+    Args:
+        problem: gives the bounds of the amplitudes.
+        factors: names multiplied into each of the K coefficients.
+        gram: M = φᵀWφ of every problem and channel [G, C, K, K].
+        moment: b = φᵀWy [G, C, K].
+        gauges: values [G, 1] of factors that are shared by the channels and so not solved for.
+
+    Returns:
+        Amplitudes [G, C, A] in the order of `problem.amplitudes` without gauges, and the cost up to a constant [G].
+    """
+    names = [name for name in problem.amplitudes if name not in gauges]
+    constants = {**problem.held, **gauges}
+    lower = torch.tensor([problem.domain(name).lower for name in names], dtype=torch.float64)
+    upper = torch.tensor([problem.domain(name).upper for name in names], dtype=torch.float64)
+    lead = gram.shape[:2]
+    a = torch.full((*lead, len(names)), 0.5, dtype=torch.float64).clamp(lower, upper)
+
+    def coefficients(a: Tensor) -> tuple[Tensor, Tensor]:
+        g, dg = [], []
+        for product in factors:
+            value = torch.ones(lead, dtype=torch.float64)
+            slope = torch.zeros(*lead, len(names), dtype=torch.float64)
+            for factor in (problem.ties.get(name, name) for name in product):
+                if factor in names:
+                    column = names.index(factor)
+                    slope = slope * a[..., column : column + 1]
+                    slope[..., column] += value
+                    value = value * a[..., column]
+                else:
+                    constant = constants[factor].expand(lead)
+                    value, slope = value * constant, slope * constant[..., None]
+            g.append(value)
+            dg.append(slope)
+        return torch.stack(g, -1), torch.stack(dg, -2)
+
+    if names:
+        for _ in range(_ITERATIONS):
+            g, dg = coefficients(a)
+            gradient = (dg.mT @ (moment - (gram @ g[..., None])[..., 0])[..., None])[..., 0]
+            hessian = dg.mT @ gram @ dg
+            frozen = ((a <= lower) & (gradient < 0)) | ((a >= upper) & (gradient > 0))
+            a = (a + _newton(hessian, gradient, frozen)).clamp(lower, upper)
+    g, _ = coefficients(a)
+    cost = (g * ((gram @ g[..., None])[..., 0] - 2 * moment)).sum((-1, -2))
+    return a, cost
+
+
+def _newton(hessian: Tensor, gradient: Tensor, frozen: Tensor) -> Tensor:
+    """Solve the free part of H δ = g, scaled and slightly regularised; δ is 0 where frozen."""
+    free = (~frozen).double()
+    scale = hessian.diagonal(dim1=-2, dim2=-1).clamp(min=1e-300).rsqrt() * free
+    scaled = hessian * scale[..., :, None] * scale[..., None, :]
+    eye = torch.eye(hessian.shape[-1], dtype=torch.float64)
+    step = torch.linalg.solve_ex(scaled + eye * (frozen.double()[..., None] + 1e-12), (gradient * scale)[..., None])[0]
+    return torch.nan_to_num(step[..., 0] * scale)

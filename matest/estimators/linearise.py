@@ -1,0 +1,236 @@
+"""The model and its derivatives at a tile of samples, and the additive statistics of a pass over many tiles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import torch
+from torch import Tensor
+
+from matest.brdf import Term
+from matest.capture import Batch
+from matest.estimators.problem import Problem
+from matest.shader import gathered_light, interpolate, lit_directions, sky_nodes, sky_terms
+
+
+@dataclass(frozen=True)
+class Basis:
+    """Radiance of each term of a model at unit coefficient, and its derivatives by the shape parameters.
+
+    Attributes:
+        factors: names multiplying each of the K terms.
+        columns: [K, n, C].
+        slopes: by shape parameter, [K, n, C].
+    """
+
+    factors: list[tuple[str, ...]]
+    columns: Tensor
+    slopes: dict[str, Tensor]
+
+
+class Linearisation:
+    """Evaluates a problem's basis at given shape parameters; what does not depend on the tile is computed once."""
+
+    def __init__(self, problem: Problem, unknowns: Tensor, *, derivatives: bool = True) -> None:
+        self._problem = problem
+        self._values = problem.values(unknowns)
+        self._derivatives = derivatives
+        # A shape parameter per channel makes every shape per channel.
+        self._width = max((problem.count(name) for name in problem.shapes), default=1)
+        self._sky: tuple[Tensor, dict[str, Tensor]] | None = None
+
+    def basis(self, batch: Batch) -> Basis:
+        points = batch.points
+        gathered = gathered_light(points)
+        directions = lit_directions(points)
+        terms, slopes = self._terms(directions, gathered.shape[:-1], batch.radiance)
+
+        def gather(shapes: list[Tensor]) -> Tensor:
+            return torch.stack([(gathered * shape).sum(-2).expand_as(batch.radiance) for shape in shapes])
+
+        columns = gather([term.shape for term in terms])
+        gathered_slopes = {name: gather(parts) for name, parts in slopes.items()}
+        if points.ambient is not None:
+            table, table_slopes = self._ambient(batch.radiance)
+            cos_o, ambient = points.wo[..., 2:], points.ambient
+            columns = columns + torch.stack([ambient * interpolate(part, cos_o) for part in table])
+            for name, parts in table_slopes.items():
+                gathered_slopes[name] = gathered_slopes[name] + torch.stack(
+                    [ambient * interpolate(part, cos_o) for part in parts]
+                )
+        return Basis([factors for factors, _ in terms], columns, gathered_slopes)
+
+    def _terms(
+        self, directions: object, lead: torch.Size, like: Tensor
+    ) -> tuple[tuple[Term, ...], dict[str, list[Tensor]]]:
+        """Terms and the derivative of every shape by every shape parameter, sample by sample.
+
+        Each sample gets its own copy of the parameters, so one reverse pass per term yields the whole Jacobian:
+        samples do not mix.
+        """
+        problem = self._problem
+        with torch.set_grad_enabled(self._derivatives):
+            leaves = {}
+            for name in problem.shapes if self._derivatives else ():
+                value = self._values[name].to(like.device, like.dtype)
+                leaves[name] = value.expand(*lead, self._width).clone().requires_grad_()
+            values = self._values_like(like) | leaves
+            values |= {name: leaves[source] for name, source in problem.ties.items() if source in leaves}
+            terms = problem.brdf.replace(values).terms(directions)  # type: ignore[arg-type]
+            slopes: dict[str, list[Tensor]] = {name: [] for name in leaves}
+            for _, shape in terms if leaves else ():
+                found: tuple[Tensor | None, ...] = (None,) * len(leaves)
+                if shape.requires_grad:
+                    found = torch.autograd.grad(
+                        shape.sum(), list(leaves.values()), retain_graph=True, allow_unused=True
+                    )
+                for name, slope in zip(leaves, found, strict=True):
+                    slopes[name].append(like.new_zeros(1, 1, 1) if slope is None else slope)
+        return tuple(Term(factors, shape.detach()) for factors, shape in terms), slopes
+
+    def _ambient(self, like: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
+        if self._sky is None:
+            nodes = sky_nodes(like.dtype, like.device)
+            lead = torch.Size((nodes.directions.cos_o.shape[0], nodes.weight.shape[1]))
+            terms, slopes = self._terms(nodes.directions, lead, like)
+            width = self._width
+
+            def tabulate(shapes: list[Tensor]) -> Tensor:
+                parts = [shape.expand(*lead, width) for shape in shapes]
+                return torch.stack([term.shape for term in sky_terms(tuple(Term((), part) for part in parts))])
+
+            self._sky = (
+                tabulate([term.shape for term in terms]),
+                {name: tabulate(parts) for name, parts in slopes.items()},
+            )
+        return self._sky
+
+    def radiance(self, batch: Batch) -> Tensor:
+        """Model radiance [n, C]."""
+        basis = self.basis(batch)
+        coefficients = _coefficients(self._values_like(batch.radiance), basis, batch.radiance)
+        return torch.einsum("kc,knc->nc", coefficients, basis.columns).clamp(min=0)
+
+    def _values_like(self, like: Tensor) -> dict[str, Tensor]:
+        return {name: value.to(like.device, like.dtype) for name, value in self._values.items()}
+
+    def radiance_and_jacobian(self, batch: Batch) -> tuple[Tensor, Tensor]:
+        """Model radiance [n, C], and its derivatives by the free parameters of each channel [Q, n, C]."""
+        problem, basis = self._problem, self.basis(batch)
+        like = batch.radiance
+        values = self._values_like(like)
+        coefficients = _coefficients(values, basis, like)
+        radiance = torch.einsum("kc,knc->nc", coefficients, basis.columns)
+        jacobian = []
+        for name in problem.free:
+            if name in basis.slopes:
+                jacobian.append(torch.einsum("kc,knc->nc", coefficients, basis.slopes[name]))
+            else:
+                derivative = [_derivative(values, problem.ties, factors, name) for factors in basis.factors]
+                weights = torch.stack([torch.as_tensor(d).to(like).expand(like.shape[-1]) for d in derivative])
+                jacobian.append(torch.einsum("kc,knc->nc", weights, basis.columns))
+        dark = radiance < 0
+        stacked = torch.stack(jacobian) if jacobian else like.new_zeros(0, *like.shape)
+        # A model below zero is cut at zero, and stays there when its parameters move a little.
+        return radiance.clamp(min=0), torch.where(dark, torch.zeros_like(stacked), stacked)
+
+
+def _coefficients(values: dict[str, Tensor], basis: Basis, like: Tensor) -> Tensor:
+    """Coefficient of every term in every channel, [K, C]."""
+    return torch.stack([_product(values, factors).expand(like.shape[-1]) for factors in basis.factors])
+
+
+def _product(values: dict[str, Tensor], factors: tuple[str, ...]) -> Tensor:
+    out = torch.ones_like(next(iter(values.values())))
+    for factor in factors:
+        out = out * values[factor]
+    return out
+
+
+def _derivative(values: dict[str, Tensor], ties: object, factors: tuple[str, ...], name: str) -> Tensor | float:
+    """Derivative of a product of parameters by one of them (and by those tied to it)."""
+    total: Tensor | float = 0.0
+    for position, factor in enumerate(factors):
+        if factor == name or ties.get(factor) == name:  # type: ignore[attr-defined]
+            total = total + _product(values, factors[:position] + factors[position + 1 :])
+    return total
+
+
+@dataclass
+class Sums:
+    """Additive statistics of one cluster: JᵀWJ, JᵀWr, rᵀWr and counts, double precision."""
+
+    information: Tensor
+    gradient: Tensor
+    chi2: float = 0.0
+    values: int = 0
+    squared_residual: float = 0.0
+    squared_signal: float = 0.0
+    samples: int = 0
+
+    @classmethod
+    def zero(cls, size: int) -> Sums:
+        return cls(torch.zeros(size, size, dtype=torch.float64), torch.zeros(size, dtype=torch.float64))
+
+
+@dataclass
+class Statistics:
+    """Statistics of a pass over samples, cluster by cluster."""
+
+    clusters: dict[int, Sums] = field(default_factory=dict)
+
+    def add(self, batch: Batch, weight: Tensor, residual: Tensor, jacobian: Tensor, selectors: Tensor) -> None:
+        """Add a tile: weight and residual [n, C], Jacobian [Q, n, C], selectors [C, Q, P]."""
+        size = selectors.shape[-1]
+        sums = self.clusters.setdefault(batch.cluster or 0, Sums.zero(size))
+        for channel, selector in enumerate(selectors):
+            columns = jacobian[:, :, channel]
+            weighted = columns * weight[:, channel]
+            sums.information += selector.T @ (weighted @ columns.T).double().cpu() @ selector
+            sums.gradient += selector.T @ (weighted @ residual[:, channel]).double().cpu()
+        used = weight > 0
+        sums.chi2 += float((weight * residual.square()).sum(dtype=torch.float64))
+        sums.values += int(used.sum())
+        sums.squared_residual += float((used * residual.square()).sum(dtype=torch.float64))
+        sums.squared_signal += float((used * batch.radiance.square()).sum(dtype=torch.float64))
+        sums.samples += int(used.any(1).sum())
+
+    def total(self, name: str) -> float:
+        return sum(getattr(sums, name) for sums in self.clusters.values())
+
+    @property
+    def misfit(self) -> float:
+        """χ² per value, at least 1: how much larger the residuals are than the noise."""
+        return max(self.total("chi2") / max(self.total("values"), 1), 1.0)
+
+    @property
+    def information(self) -> Tensor:
+        return torch.stack([sums.information for sums in self.clusters.values()]).sum(0)
+
+    @property
+    def gradient(self) -> Tensor:
+        return torch.stack([sums.gradient for sums in self.clusters.values()]).sum(0)
+
+
+def accumulate(problem: Problem, unknowns: Tensor, batches: Iterable[Batch], reference: Tensor | None) -> Statistics:
+    """One pass: the additive statistics at `unknowns`.
+
+    Args:
+        problem: what is estimated.
+        unknowns: u [P], float64.
+        batches: tiles, each of one cluster.
+        reference: weights follow from the noise at the model's radiance for these unknowns; None: at the measured
+            radiance (only a first guess: it favours pixels that noise made dark).
+    """
+    linearisation = Linearisation(problem, unknowns)
+    same = reference is not None and torch.equal(reference, unknowns)
+    weighing = None if reference is None or same else Linearisation(problem, reference, derivatives=False)
+    statistics = Statistics()
+    selectors = problem.selectors
+    for batch in batches:
+        with torch.no_grad():
+            radiance, jacobian = linearisation.radiance_and_jacobian(batch)
+            expected = weighing.radiance(batch) if weighing else radiance if same else batch.radiance
+            statistics.add(batch, batch.weight(expected), batch.radiance - radiance, jacobian, selectors)
+    return statistics

@@ -1,0 +1,128 @@
+"""What is estimated: a model, which of its parameters are free, and how a vector of unknowns fills them in."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import torch
+from torch import Tensor
+
+from matest.brdf import Brdf
+from matest.directions import Directions
+from matest.parameters import Domain, Parameter
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A model of C channels with unknowns laid out in one vector u [P].
+
+    Attributes:
+        brdf: the model; its own values serve for nothing but their names.
+        channels: C.
+        free: names of the estimated parameters, in order.
+        held: values of the parameters that are not estimated.
+        ties: dependent name -> the name whose value it takes.
+        relative: the light scale is unknown: albedo-like parameters have no upper bound.
+        gauge_limit: largest value of gauge parameters, the reciprocal of the brightest albedo: a facet reflects at
+            most all light.
+    """
+
+    brdf: Brdf
+    channels: int
+    free: tuple[str, ...]
+    held: Mapping[str, Tensor]
+    ties: Mapping[str, str]
+    relative: bool = False
+    gauge_limit: float = math.inf
+
+    @cached_property
+    def amplitudes(self) -> tuple[str, ...]:
+        """Free parameters that only multiply shapes."""
+        return tuple(name for name in self.free if name in self._factors)
+
+    @cached_property
+    def shapes(self) -> tuple[str, ...]:
+        """Free parameters that the shapes depend on."""
+        return tuple(name for name in self.free if name not in self._factors)
+
+    @cached_property
+    def _factors(self) -> set[str]:
+        normal = torch.tensor([[0.0, 0.0, 1.0]], dtype=torch.float64)
+        names = {factor for factors, _ in self.brdf.terms(Directions(normal, normal)) for factor in factors}
+        return {self.ties.get(name, name) for name in names}
+
+    def declared(self, name: str) -> Parameter:
+        return self.brdf.declared[name]
+
+    def domain(self, name: str) -> Domain:
+        declared = self.declared(name)
+        if declared.gauge:
+            return Domain(declared.domain.lower, self.gauge_limit)
+        return declared.domain.lifted() if self.relative and declared.per_channel else declared.domain
+
+    @property
+    def gauges(self) -> list[str]:
+        """Free parameters that stand for the unknown light scale."""
+        return [name for name in self.free if self.declared(name).gauge]
+
+    def count(self, name: str) -> int:
+        """Number of unknowns of a parameter: one, or one per channel."""
+        return self.channels if self.declared(name).per_channel else 1
+
+    @cached_property
+    def where(self) -> dict[str, slice]:
+        """The place of every free parameter in u."""
+        places, start = {}, 0
+        for name in self.free:
+            places[name] = slice(start, start + self.count(name))
+            start += self.count(name)
+        return places
+
+    @property
+    def size(self) -> int:
+        return sum(self.count(name) for name in self.free)
+
+    @cached_property
+    def labels(self) -> list[str]:
+        """A name for every unknown: `sigma`, `albedo[0]`."""
+        return [
+            name if self.count(name) == 1 else f"{name}[{channel}]"
+            for name in self.free
+            for channel in range(self.count(name))
+        ]
+
+    @cached_property
+    def lower(self) -> Tensor:
+        return self._ends([self.domain(name).lower for name in self.free])
+
+    @cached_property
+    def upper(self) -> Tensor:
+        return self._ends([self.domain(name).upper for name in self.free])
+
+    def _ends(self, ends: Sequence[float]) -> Tensor:
+        repeated = [end for end, name in zip(ends, self.free, strict=True) for _ in range(self.count(name))]
+        return torch.tensor(repeated, dtype=torch.float64)
+
+    @cached_property
+    def selectors(self) -> Tensor:
+        """0/1 matrices [C, Q, P]: the unknown that each of the Q free parameters is in each channel."""
+        out = torch.zeros(self.channels, len(self.free), self.size, dtype=torch.float64)
+        for row, name in enumerate(self.free):
+            place = self.where[name]
+            for channel in range(self.channels):
+                out[channel, row, place.start + (channel if self.count(name) > 1 else 0)] = 1
+        return out
+
+    def values(self, unknowns: Tensor) -> dict[str, Tensor]:
+        """Every parameter's value: a scalar, or [C]."""
+        values = dict(self.held)
+        for name, place in self.where.items():
+            values[name] = unknowns[place] if self.count(name) > 1 else unknowns[place.start]
+        values.update({name: values[source] for name, source in self.ties.items()})
+        return values
+
+    def material(self, unknowns: Tensor) -> Brdf:
+        return self.brdf.replace(self.values(unknowns))

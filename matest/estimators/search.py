@@ -1,0 +1,130 @@
+"""Global search of the shape parameters: amplitudes are eliminated, what is left is one to three numbers."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from matest.capture import Batch
+from matest.estimators.linear import amplitudes
+from matest.estimators.linearise import Linearisation
+from matest.estimators.problem import Problem
+
+_LINEAR_NODES, _LOG_NODES = 13, 15
+# A logarithmic grid starts here, as a share of the upper end.
+_LOG_START = 0.01
+# Strengths of the ρ² term tried when the light scale is unknown: facet albedo of the brightest channel.
+_BRIGHTEST = (0.2, 0.6, 0.95)
+
+
+@dataclass(frozen=True)
+class Search:
+    """Amplitudes and cost at every node of a grid over the shape parameters.
+
+    Attributes:
+        problem: what is estimated; its gauge limit follows from the images.
+        nodes: values of each shape parameter.
+        solved: amplitudes [G, C, A] at every combination of nodes.
+        gauges: value [G, 1] of each gauge parameter there.
+        cost: weighted sum of squares up to a constant [G].
+    """
+
+    problem: Problem
+    nodes: list[list[float]]
+    solved: Tensor
+    gauges: dict[str, Tensor]
+    cost: Tensor
+
+    def starts(self, count: int = 3) -> list[Tensor]:
+        """The best local minima as vectors of unknowns, best first."""
+        combinations = list(itertools.product(*self.nodes))
+        chosen = _minima(self.cost.reshape([len(node) for node in self.nodes] or [1]), count)
+        return [self._fill(node, combinations[node]) for node in chosen]
+
+    def _fill(self, node: int, shapes: tuple[float, ...]) -> Tensor:
+        problem = self.problem
+        unknowns = _with_shapes(problem, shapes)
+        names = [name for name in problem.amplitudes if name not in self.gauges]
+        for column, name in enumerate(names):
+            values = self.solved[node, :, column]
+            unknowns[problem.where[name]] = values if problem.count(name) > 1 else values.mean()
+        for name, value in self.gauges.items():
+            unknowns[problem.where[name]] = value[node]
+        return unknowns
+
+
+def search(problem: Problem, batches: list[Batch]) -> Search:
+    """Evaluate the grid; every node's amplitudes are the bounded least-squares solution there.
+
+    Weights follow from the measured radiance.
+    """
+    nodes = [_grid(problem, name) for name in problem.shapes]
+    weights = [batch.weight(batch.radiance) for batch in batches]
+    factors: list[tuple[str, ...]] = []
+    grams, moments = [], []
+    for combination in itertools.product(*nodes):
+        linearisation = Linearisation(problem, _with_shapes(problem, combination), derivatives=False)
+        gram, moment = torch.zeros(()), torch.zeros(())
+        for batch, weight in zip(batches, weights, strict=True):
+            basis = linearisation.basis(batch)
+            factors = basis.factors
+            columns = basis.columns.permute(2, 0, 1).double()
+            weighted = columns * weight.T[:, None].double()
+            gram = gram + (weighted @ columns.mT).cpu()
+            moment = moment + (weighted @ batch.radiance.T[..., None].double())[..., 0].cpu()
+        grams.append(gram)
+        moments.append(moment)
+    gram, moment = torch.stack(grams), torch.stack(moments)
+
+    trials: list[dict[str, Tensor]] = [{}]
+    if problem.gauges:
+        none = {name: torch.zeros(len(gram), 1, dtype=torch.float64) for name in problem.gauges}
+        solved, cost = amplitudes(problem, factors, gram, moment, none)
+        brightest = float(solved[cost.argmin()].max().clamp(min=1e-9))
+        problem = replace(problem, gauge_limit=1 / brightest)
+        trials = [{name: none[name] + share / brightest for name in none} for share in _BRIGHTEST]
+    results = [(*amplitudes(problem, factors, gram, moment, trial), trial) for trial in trials]
+    best = torch.stack([cost for _, cost, _ in results]).argmin(0)
+    pick = torch.arange(len(gram))
+    return Search(
+        problem=problem,
+        nodes=nodes,
+        solved=torch.stack([solved for solved, _, _ in results])[best, pick],
+        gauges={name: torch.stack([trial[name] for trial in trials])[best, pick] for name in problem.gauges},
+        cost=torch.stack([cost for _, cost, _ in results])[best, pick],
+    )
+
+
+def _grid(problem: Problem, name: str) -> list[float]:
+    domain = problem.domain(name)
+    if problem.declared(name).log:
+        low = max(domain.lower, _LOG_START * domain.upper)
+        return torch.logspace(math.log10(low), math.log10(0.95 * domain.upper), _LOG_NODES).tolist()
+    # From the lower end up: the far end of an angle (90°) is no surface.
+    return torch.linspace(domain.lower + 0.02 * domain.width, domain.lower + 0.8 * domain.width, _LINEAR_NODES).tolist()
+
+
+def _with_shapes(problem: Problem, shapes: tuple[float, ...]) -> Tensor:
+    unknowns = torch.full((problem.size,), 0.5, dtype=torch.float64)
+    for name, value in zip(problem.shapes, shapes, strict=True):
+        unknowns[problem.where[name]] = value
+    return unknowns
+
+
+def _minima(cost: Tensor, count: int) -> list[int]:
+    """Flat indices of the lowest local minima of a grid, lowest first."""
+    order = cost.flatten().argsort().tolist()
+    shape = cost.shape
+    chosen: list[int] = []
+    for node in order:
+        place = torch.tensor([int(i) for i in torch.unravel_index(torch.tensor(node), shape)])
+        others = [torch.tensor([int(i) for i in torch.unravel_index(torch.tensor(o), shape)]) for o in chosen]
+        if all(int((place - other).abs().max()) > 2 for other in others):
+            chosen.append(node)
+        if len(chosen) == count:
+            break
+    return chosen

@@ -1,0 +1,46 @@
+"""Losses for training loops: comparing rendered with measured radiance."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from matest.capture import Batch
+
+
+def photometric(rendered: Tensor, measured: Tensor, weight: Tensor | None = None) -> Tensor:
+    """Mean squared error of radiance, optionally weighted (for example `batch.weight(batch.radiance)`).
+
+    Args:
+        rendered: [..., C].
+        measured: [..., C].
+        weight: broadcastable, not negative; the loss is divided by its mean.
+    """
+    squared = (rendered - measured).square()
+    return squared.mean() if weight is None else (weight * squared).sum() / weight.expand_as(squared).sum()
+
+
+def likelihood(rendered: Tensor, batch: Batch) -> Tensor:
+    """Mean negative log-likelihood of a batch under its camera's noise (Gaussian, variance = read² + gain·signal).
+
+    The signal in the variance is the rendered one. Constants are left out. Samples whose rendered radiance the sensor
+    would clip do not count.
+    """
+    valid = batch.weight(rendered.detach()) > 0
+    variance = batch.variance(rendered)
+    cost = 0.5 * ((batch.radiance - rendered).square() / variance + torch.log(variance))
+    return torch.where(valid, cost, torch.zeros_like(cost)).sum() / valid.sum().clamp(min=1)
+
+
+def structural(rendered: Tensor, measured: Tensor, window: int = 11) -> Tensor:
+    """1 − SSIM of whole images, averaged over pixels and channels (kornia).
+
+    Args:
+        rendered: images [K, H, W, C] as `matest.render` returns them.
+        measured: the same.
+        window: side of the Gaussian window in pixels.
+    """
+    from kornia.metrics import ssim
+
+    peak = float(measured.detach().max())
+    return 1 - ssim(rendered.movedim(-1, 1), measured.movedim(-1, 1), window, max_val=max(peak, 1e-12)).mean()

@@ -1,0 +1,107 @@
+"""Parameters of reflectance models, declared once.
+
+A declaration carries everything that other parts need to know of a parameter: its domain, unit and meaning, whether
+the model is linear in it, whether every colour channel has its own value. Bounds, the unconstrained transform, labels,
+tables and file formats all follow from it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import torch
+from torch import Tensor
+
+_KEY = "matest"
+
+
+@dataclasses.dataclass(frozen=True)
+class Domain:
+    """A closed interval [lower, upper]; `upper` may be infinite."""
+
+    lower: float
+    upper: float
+
+    @property
+    def width(self) -> float:
+        return self.upper - self.lower
+
+    def contains(self, value: Tensor) -> bool:
+        return bool(((value >= self.lower) & (value <= self.upper)).all())
+
+    def lifted(self) -> Domain:
+        """The same lower end without an upper one."""
+        return Domain(self.lower, math.inf)
+
+    def physical(self, unconstrained: Tensor) -> Tensor:
+        """Map the real line onto the interior of the domain (logistic, or softplus on a half-line)."""
+        if math.isinf(self.upper):
+            return self.lower + torch.nn.functional.softplus(unconstrained)
+        return self.lower + self.width * torch.sigmoid(unconstrained)
+
+    def unconstrained(self, physical: Tensor) -> Tensor:
+        """The inverse of `physical`; values at an end are taken 1e-6 inside it, where the inverse is finite."""
+        if math.isinf(self.upper):
+            inside = (physical - self.lower).clamp(min=1e-6)
+            return inside + torch.log(-torch.expm1(-inside))
+        return torch.logit((physical - self.lower) / self.width, eps=1e-6)
+
+    def __str__(self) -> str:
+        end = ")" if math.isinf(self.upper) else "]"
+        return f"[{self.lower:.3g}, {self.upper:.3g}{end}"
+
+
+def interval(lower: float, upper: float) -> Domain:
+    return Domain(float(lower), float(upper))
+
+
+unit_interval = interval(0, 1)
+non_negative = interval(0, math.inf)
+
+
+@dataclasses.dataclass(frozen=True)
+class Parameter:
+    """What is known of a parameter before any image is seen.
+
+    Attributes:
+        domain: closed interval of the physical values.
+        unit: "1", "rad", "µm".
+        doc: what it is, in the field's words.
+        linear: the model is linear in it: its column of the design matrix is the model with it at 1 and the
+            other linear ones at 0.
+        per_channel: albedo-like; an estimate gives every colour channel its own value.
+        held: value at which an estimate holds it unless the capture determines it (None: always estimated).
+        gauge: tied to the unknown common light scale: 1 when radiometry is absolute, unknown when it is relative.
+        log: varies over decades, so it is searched on a logarithmic grid.
+    """
+
+    domain: Domain
+    unit: str
+    doc: str
+    linear: bool = False
+    per_channel: bool = False
+    held: float | None = None
+    gauge: bool = False
+    log: bool = False
+
+
+def parameter(domain: Domain, *, unit: str, doc: str, default: float, **kind: Any) -> Any:
+    """A dataclass field that is a model parameter. `kind`: the remaining attributes of `Parameter`."""
+    return dataclasses.field(default=default, metadata={_KEY: Parameter(domain, unit, doc, **kind)})
+
+
+def option(default: str, *, choices: tuple[str, ...], doc: str) -> Any:
+    """A dataclass field that selects a variant of a model; it is never estimated."""
+    return dataclasses.field(default=default, metadata={_KEY: choices, "doc": doc})
+
+
+def parameters_of(model: type) -> dict[str, Parameter]:
+    """Declared parameters of a model class, in order of declaration."""
+    return {f.name: f.metadata[_KEY] for f in dataclasses.fields(model) if isinstance(f.metadata.get(_KEY), Parameter)}
+
+
+def options_of(model: type) -> dict[str, tuple[str, ...]]:
+    """Options of a model class and their choices."""
+    return {f.name: f.metadata[_KEY] for f in dataclasses.fields(model) if isinstance(f.metadata.get(_KEY), tuple)}

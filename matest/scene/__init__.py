@@ -1,0 +1,10 @@
+"""Geometry and light: cameras, meshes, surfaces, lights, shadows, and the points that shading needs."""
+
+from matest.scene.camera import Camera
+from matest.scene.lights import DirectionalLight, Light, PointLight
+from matest.scene.mesh import Mesh
+from matest.scene.points import Points
+from matest.scene.scene import Scene
+from matest.scene.surface import Surface
+
+__all__ = ["Camera", "DirectionalLight", "Light", "Mesh", "PointLight", "Points", "Scene", "Surface"]

@@ -1,0 +1,109 @@
+"""Cameras: from a pixel to a ray of the world.
+
+Pixel coordinates put the origin at the top-left corner of the image and pixel centres at +0.5. A camera matrix of
+`cv2.calibrateCamera`, which puts pixel centres at whole numbers, needs 0.5 added to its principal point.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from matest.errors import InputError
+
+_VIEWER = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Pose and projection of a camera looking from `position` to `target` with `up` upward in the image.
+
+    Exactly one of `height` (orthographic: world units across the image height), `fov_y` (perspective: vertical field
+    of view, rad) and `matrix` (perspective: 3×3 pinhole matrix in pixels) is set. `distortion` holds OpenCV's
+    k1, k2, p1, p2[, k3].
+
+    Raises:
+        InputError: a pose without direction.
+    """
+
+    position: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    target: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    up: tuple[float, float, float] = (0.0, 1.0, 0.0)
+    height: float | None = None
+    fov_y: float | None = None
+    matrix: tuple[tuple[float, ...], ...] | None = None
+    distortion: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        axes = self._axes()
+        if not np.isfinite(axes).all():
+            raise InputError(
+                "camera: position, target and up must differ and up must not point along the line of sight; "
+                f"got position {list(self.position)}, target {list(self.target)}, up {list(self.up)}."
+            )
+
+    @property
+    def orthographic(self) -> bool:
+        return self.fov_y is None and self.matrix is None
+
+    def _axes(self) -> np.ndarray:
+        """Rows: right, up, backward (toward the viewer) in world coordinates."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            backward = np.subtract(self.position, self.target, dtype=float)
+            backward /= np.linalg.norm(backward)
+            right = np.cross(np.asarray(self.up, dtype=float), backward)
+            right /= np.linalg.norm(right)
+        return np.stack([right, np.cross(backward, right), backward])
+
+    def rays(self, shape: tuple[int, int], pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Origins and unit directions (away from the camera), [N, 3] each, of `pixels` (flat indices, row-major).
+
+        Args:
+            shape: height and width of the image in pixels.
+            pixels: flat indices [N].
+        """
+        rows, columns = np.divmod(pixels, shape[1])
+        x, y = columns + 0.5, rows + 0.5
+        right, up, backward = self._axes()
+        if self.orthographic:
+            unit = (self.height or 1.0) / shape[0]
+            u = (x - shape[1] / 2) * unit
+            v = (shape[0] / 2 - y) * unit
+            origins = np.asarray(self.position, dtype=float) + u[:, None] * right + v[:, None] * up
+            return origins, np.broadcast_to(-backward, origins.shape)
+        u, v = self._normalised(shape, x, y)
+        directions = u[:, None] * right - v[:, None] * up - backward
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        return np.broadcast_to(np.asarray(self.position, dtype=float), directions.shape), directions
+
+    def pixel_matrix(self, shape: tuple[int, int]) -> np.ndarray:
+        """The 3×3 pinhole matrix of a perspective camera for an image of this shape."""
+        if self.matrix is not None:
+            return np.asarray(self.matrix, dtype=float)
+        assert self.fov_y is not None
+        focal = shape[0] / 2 / np.tan(self.fov_y / 2)
+        return np.array([[focal, 0, shape[1] / 2], [0, focal, shape[0] / 2], [0, 0, 1]])
+
+    def _normalised(self, shape: tuple[int, int], x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Image-plane coordinates at unit distance (x right, y down), lens distortion taken out."""
+        matrix = self.pixel_matrix(shape)
+        if any(self.distortion):
+            import cv2
+
+            points = np.stack([x, y], axis=-1)[:, None, :]
+            criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-12)
+            undistorted = cv2.undistortPoints(points, matrix, np.array(self.distortion), criteria=criteria)
+            return undistorted[:, 0, 0], undistorted[:, 0, 1]
+        return (x - matrix[0, 2]) / matrix[0, 0], (y - matrix[1, 2]) / matrix[1, 1]
+
+    def footprint(self, shape: tuple[int, int], distance: np.ndarray) -> np.ndarray:
+        """Width of a pixel in world units at `distance` along its ray."""
+        if self.orthographic:
+            return np.full_like(distance, (self.height or 1.0) / shape[0])
+        return distance / self.pixel_matrix(shape)[1, 1]
+
+
+def frontal() -> Camera:
+    """The distant viewer of normal maps and spheres: orthographic, along z."""
+    return Camera(position=(0.0, 0.0, 1.0))

@@ -1,0 +1,85 @@
+"""A scene: one visible surface under the lights of each image."""
+
+from __future__ import annotations
+
+import dataclasses
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from matest.directions import to_local
+from matest.scene.lights import Light
+from matest.scene.points import Points
+from matest.scene.surface import Surface
+from matest.scene.visibility import cast_shadows, shadow_edges
+
+
+@dataclass(frozen=True)
+class Scene:
+    """The geometry and light of K images of one surface.
+
+    Attributes:
+        surface: the object's pixels.
+        lights: the lights of each image.
+        ambient: ambient radiance of each image, [K, C].
+        shadows: per image, lights × pixels, True where the light is blocked; None where nothing can block it.
+        shadow_edge: per image, pixels on the edge of a cast shadow; None likewise.
+    """
+
+    surface: Surface
+    lights: tuple[tuple[Light, ...], ...]
+    ambient: Tensor
+    shadows: tuple[np.ndarray | None, ...] = ()
+    shadow_edge: tuple[np.ndarray | None, ...] = ()
+
+    @property
+    def channels(self) -> int:
+        return self.ambient.shape[1]
+
+    def __len__(self) -> int:
+        return len(self.lights)
+
+    def with_shadows(self) -> Scene:
+        """The same scene with its cast shadows traced."""
+
+        def trace(lights: tuple[Light, ...]) -> tuple[np.ndarray | None, np.ndarray | None]:
+            traced = [cast_shadows(self.surface, light) for light in lights]
+            if not traced or traced[0] is None:
+                return None, None
+            shadows = np.stack([shadow for shadow in traced if shadow is not None])
+            return shadows, np.any([shadow_edges(self.surface, shadow) for shadow in shadows], axis=0)
+
+        with ThreadPoolExecutor() as pool:
+            results = list(pool.map(trace, self.lights))
+        return dataclasses.replace(self, shadows=tuple(r[0] for r in results), shadow_edge=tuple(r[1] for r in results))
+
+    def points(
+        self,
+        image: int,
+        index: Tensor | slice = slice(None),
+        *,
+        dtype: torch.dtype = torch.float32,
+        device: torch.device | str = "cpu",
+    ) -> Points:
+        """The points of one image at some of the surface's pixels (indices into its N pixels), differentiable."""
+        surface = self.surface
+        normals = surface.normals[index].to(device, dtype)
+        view = surface.view if len(surface.view) == 1 else surface.view[index]
+        positions = None if surface.positions is None else surface.positions[index].to(device, dtype)
+        lit = [light.to(dtype, device).at(positions) for light in self.lights[image]]
+        shadows = self.shadows[image] if self.shadows else None
+        if shadows is not None:
+            blocked = torch.from_numpy(shadows)[:, index].to(device)
+            lit = [(toward, power * ~dark[:, None]) for (toward, power), dark in zip(lit, blocked, strict=True)]
+        local = to_local(normals, view.to(device, dtype), *(toward for toward, _ in lit))
+        none = normals.new_zeros(1, 0, 3), normals.new_zeros(1, 0, self.channels)
+        ambient = self.ambient[image]
+        return Points(
+            wi=torch.stack(local[1:], dim=-2) if lit else none[0],
+            wo=local[0],
+            irradiance=torch.stack(torch.broadcast_tensors(*(power for _, power in lit)), dim=-2) if lit else none[1],
+            ambient=ambient.to(device, dtype)[None] if bool((ambient > 0).any()) else None,
+        )

@@ -1,0 +1,230 @@
+"""The visible surface: normals, positions and viewing directions of the object's pixels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from matest.errors import InputError
+from matest.scene.camera import Camera, frontal
+from matest.scene.mesh import Mesh
+
+# Pixels this near to the silhouette may mix object and background (optics and mask are known to about a pixel).
+RIM_WIDTH = 2
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Geometry of the N object pixels of an H×W image, double precision.
+
+    Attributes:
+        shape: (H, W).
+        pixels: flat row-major indices, ascending [N].
+        normals: unit normals in world coordinates, facing the viewer [N, 3].
+        view: unit vectors to the viewer, [N, 3] or [1, 3] if it is the same everywhere.
+        positions: in world units [N, 3], or None where only normals are known.
+        rim: True where the pixel touches a silhouette and may mix two surfaces [N].
+        faces: triangle seen by each pixel [N] if the surface is a mesh.
+        mesh: that mesh.
+    """
+
+    shape: tuple[int, int]
+    pixels: np.ndarray
+    normals: Tensor
+    view: Tensor
+    positions: Tensor | None
+    rim: np.ndarray
+    faces: np.ndarray | None = None
+    mesh: Mesh | None = None
+
+    def __len__(self) -> int:
+        return len(self.pixels)
+
+    @cached_property
+    def mask(self) -> np.ndarray:
+        """Object pixels as an H×W boolean image."""
+        mask = np.zeros(self.shape, dtype=bool)
+        mask.flat[self.pixels] = True
+        return mask
+
+    def image(self, values: np.ndarray, background: float = 0.0) -> np.ndarray:
+        """Values [N, ...] of the object's pixels laid out as an image H×W×…"""
+        out = np.full((self.shape[0] * self.shape[1], *values.shape[1:]), background, dtype=values.dtype)
+        out[self.pixels] = values
+        return out.reshape(*self.shape, *values.shape[1:])
+
+    def take(self, kept: np.ndarray) -> Surface:
+        """The same surface restricted to some of its pixels (boolean [N])."""
+        index = torch.from_numpy(np.flatnonzero(kept))
+        return replace(
+            self,
+            pixels=self.pixels[kept],
+            normals=self.normals[index],
+            view=self.view if len(self.view) == 1 else self.view[index],
+            positions=None if self.positions is None else self.positions[index],
+            rim=self.rim[kept],
+            faces=None if self.faces is None else self.faces[kept],
+        )
+
+
+def from_mesh(mesh: Mesh, camera: Camera, shape: tuple[int, int], mask: np.ndarray | None = None) -> Surface:
+    """The mesh as the camera sees it: one ray through each pixel centre, smooth-shaded normals.
+
+    Raises:
+        InputError: no ray meets the mesh inside the mask.
+    """
+    candidates = np.arange(shape[0] * shape[1]) if mask is None else np.flatnonzero(mask)
+    origins, directions = camera.rays(shape, candidates)
+    if camera.orthographic:
+        # Parallel rays may start anywhere: put the image plane in front of the whole mesh.
+        origins = origins - directions * (2 * mesh.extent + np.linalg.norm(np.subtract(camera.position, camera.target)))
+    faces, distance = mesh.first_hits(origins, directions)
+    hit = faces >= 0
+    if not hit.any():
+        low, high = (np.round(corner, 3).tolist() for corner in mesh.bounds)
+        raise InputError(
+            f"the mesh lies outside the view: expected it to cover pixels of the {shape[1]}×{shape[0]} image, but no "
+            f"ray of the camera meets its bounding box {low} to {high} where the mask allows. Check camera.position, "
+            "camera.target and the mesh's units."
+        )
+    faces, distance = faces[hit], distance[hit]
+    positions = origins[hit] + distance[:, None] * directions[hit]
+    normals = mesh.interpolated_normals(faces, positions)
+    view = -directions[hit]
+    # A smooth-shaded normal may lean away from the viewer at the limb; there it says nothing of the surface.
+    facing = np.einsum("ij,ij->i", normals, view) > 0
+    rim = _rim(
+        shape, candidates[hit], distance, camera.footprint(shape, distance), np.einsum("ij,ij->i", normals, view)
+    )
+    surface = Surface(
+        shape=shape,
+        pixels=candidates[hit],
+        normals=torch.from_numpy(normals),
+        view=torch.from_numpy(view[:1].copy() if camera.orthographic else view),
+        positions=torch.from_numpy(positions),
+        rim=rim,
+        faces=faces,
+        mesh=mesh,
+    )
+    return surface.take(facing)
+
+
+def from_normals(
+    normals: np.ndarray, camera: Camera | None, mask: np.ndarray | None = None, positions: np.ndarray | None = None
+) -> Surface:
+    """A surface known by its normal map H×W×3 (x right, y up, z toward the viewer; zero or NaN = background)."""
+    camera = camera or frontal()
+    shape = (normals.shape[0], normals.shape[1])
+    length = np.linalg.norm(normals, axis=-1)
+    inside = np.isfinite(length) & (length > 0.5)
+    if mask is not None:
+        inside &= mask
+    pixels = np.flatnonzero(inside)
+    _, directions = camera.rays(shape, pixels)
+    unit = normals.reshape(-1, 3)[pixels].astype(np.float64)
+    unit /= np.linalg.norm(unit, axis=1, keepdims=True)
+    located = None if positions is None else positions.reshape(-1, 3)[pixels].astype(np.float64)
+    view = -directions
+    if located is not None and not camera.orthographic:
+        view = np.asarray(camera.position) - located
+        view /= np.linalg.norm(view, axis=1, keepdims=True)
+    facing = np.einsum("ij,ij->i", unit, view) > 0
+    surface = Surface(
+        shape=shape,
+        pixels=pixels,
+        normals=torch.from_numpy(unit),
+        view=torch.from_numpy(view[:1].copy() if camera.orthographic else view),
+        positions=None if located is None else torch.from_numpy(located),
+        rim=_rim(shape, pixels),
+    )
+    return surface.take(facing)
+
+
+def from_sphere(shape: tuple[int, int], centre: tuple[float, float], radius: float, mask: np.ndarray | None) -> Surface:
+    """A sphere seen orthographically, its image a circle (pixels; centres at +0.5).
+
+    Positions are in units of the radius, with the origin at the sphere's centre.
+    """
+    rows, columns = np.indices(shape)
+    x = (columns + 0.5 - centre[0]) / radius
+    y = (centre[1] - rows - 0.5) / radius
+    squared = x * x + y * y
+    inside = squared < 1
+    if mask is not None:
+        inside &= mask
+    pixels = np.flatnonzero(inside)
+    normals = np.stack([x, y, np.sqrt(np.clip(1 - squared, 0, None))], axis=-1).reshape(-1, 3)[pixels]
+    return Surface(
+        shape=shape,
+        pixels=pixels,
+        normals=torch.from_numpy(normals),
+        view=torch.tensor([[0.0, 0.0, 1.0]], dtype=torch.float64),
+        positions=torch.from_numpy(normals.copy()),
+        rim=_rim(shape, pixels),
+    )
+
+
+def fit_circle(mask: np.ndarray) -> tuple[tuple[float, float], float]:
+    """Centre (x, y) and radius in pixels of the circle that a mask's edge follows.
+
+    The edge is the half-level contour of the mask (anti-aliased masks give sub-pixel positions); points on the border
+    of the image, where a cropped sphere has no edge, do not count.
+
+    Args:
+        mask: H×W, any numeric type; nonzero = object.
+
+    Raises:
+        InputError: the edge is not a circle to 3 % of its radius.
+    """
+    from skimage.measure import CircleModel, find_contours
+
+    level = mask.astype(np.float64) / mask.max()
+    contours = find_contours(np.pad(level, 1), 0.5)
+    if not contours:
+        raise InputError("the mask has no edge to fit a circle to: it must show the sphere against a background.")
+    # Padding by one pixel shifts by +1; array index i is the pixel centre i + 0.5.
+    edge = max(contours, key=len) - 1 + 0.5
+    height, width = mask.shape
+    inner = (edge[:, 0] > 1) & (edge[:, 0] < height - 1) & (edge[:, 1] > 1) & (edge[:, 1] < width - 1)
+    circle = CircleModel.from_estimate(edge[inner][:, ::-1]) if inner.sum() >= 8 else None
+    if not circle:
+        raise InputError("no circle could be fitted to the mask's edge: give centre and radius in [geometry].")
+    centre, radius = circle.center, float(circle.radius)
+    spread = float(np.sqrt(np.mean(circle.residuals(edge[inner][:, ::-1]) ** 2)))
+    if spread > 0.03 * radius:
+        raise InputError(
+            f"the mask's edge is no circle: it strays {spread:.1f} pixels (rms) from the best one, of radius "
+            f"{radius:.1f}; a sphere's mask, or centre and radius in [geometry], is needed."
+        )
+    return (float(centre[0]), float(centre[1])), radius
+
+
+def _rim(
+    shape: tuple[int, int],
+    pixels: np.ndarray,
+    distance: np.ndarray | None = None,
+    footprint: np.ndarray | None = None,
+    cos_o: np.ndarray | None = None,
+) -> np.ndarray:
+    """True for pixels within `RIM_WIDTH` of a silhouette: the object's outline, or a jump in depth across it."""
+    import cv2
+
+    inside = np.zeros(shape, dtype=np.uint8)
+    inside.flat[pixels] = 1
+    if distance is not None and footprint is not None and cos_o is not None:
+        depth = np.zeros(shape)
+        depth.flat[pixels] = distance
+        # Across 3×3 pixels a tilted plane spans 2√2 footprints · tan θ; twice that is a jump.
+        allowed = np.zeros(shape)
+        allowed.flat[pixels] = footprint * (2 + 4 * np.sqrt(2) / np.clip(cos_o, 0.02, None))
+        kernel = np.ones((3, 3), np.uint8)
+        span = cv2.dilate(depth, kernel) - cv2.erode(depth, kernel)
+        interior = cv2.erode(inside, kernel) > 0
+        inside[interior & (span > allowed)] = 0
+    size = 2 * RIM_WIDTH + 1
+    kept = cv2.erode(inside, np.ones((size, size), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=1)
+    return kept.flat[pixels] == 0

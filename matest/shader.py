@@ -1,0 +1,123 @@
+"""Shading: radiance = Σ over lights of brdf · cos θi · E, plus ambient light. Differentiable, tile by tile."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from matest.brdf import Brdf, Term
+from matest.directions import Directions, above_horizon
+from matest.scene import Points, Scene
+
+_NODES = 33  # cosines at which the reflectance under an even sky is tabulated
+_POLAR, _AZIMUTH = 64, 64  # Gauss-Legendre nodes over a quarter of the sphere's polar and half its azimuth range
+
+
+def shade(brdf: Brdf, points: Points) -> Tensor:
+    """Radiance [..., C] that leaves `points` toward the viewer.
+
+    Differentiable in the parameters, directions and irradiances; any device, float32 or float64 (that of the points).
+    """
+    gathered = gathered_light(points)
+    values = brdf(points.wi, points.wo[..., None, :])
+    radiance = (values * gathered).sum(-2)
+    if points.ambient is not None:
+        radiance = radiance + points.ambient * reflectance(brdf, points.wo[..., 2:])
+    return radiance
+
+
+def gathered_light(points: Points) -> Tensor:
+    """Irradiance on the surface from each light, E cos θi, zero below the horizon, [..., L, C]."""
+    return points.irradiance * points.wi[..., 2:].clamp(min=0)
+
+
+def lit_directions(points: Points) -> Directions:
+    """Directions [..., L, 1] of every point and light, safe below the horizon."""
+    return above_horizon(points.wi, points.wo[..., None, :])[0]
+
+
+def render(
+    scene: Scene, material: Brdf, *, dtype: torch.dtype = torch.float32, device: torch.device | str = "cpu"
+) -> Tensor:
+    """Radiance images [K, H, W, C] of a scene's surface made of `material`; 0 on the background.
+
+    Differentiable in the material (and in lights, normals and positions of the scene that require gradients).
+    """
+    height, width = scene.surface.shape
+    index = torch.from_numpy(scene.surface.pixels).to(device)
+    images = []
+    for image in range(len(scene)):
+        tiles = torch.arange(len(scene.surface)).split(1 << 16)
+        radiance = torch.cat(
+            [shade(material, scene.points(image, tile, dtype=dtype, device=device)).expand(-1, scene.channels)
+             for tile in tiles]
+        )  # fmt: skip
+        flat = radiance.new_zeros(height * width, radiance.shape[-1])
+        images.append(flat.index_copy(0, index, radiance).reshape(height, width, -1))
+    return torch.stack(images)
+
+
+def reflectance(brdf: Brdf, cos_o: Tensor) -> Tensor:
+    """Hemispherical-directional reflectance [..., C] toward viewers at `cos_o` [..., 1] from the normal.
+
+    The share of the radiance of an even sky that is reflected; by reciprocity the albedo of light from there.
+    Quadrature at 33 cosines, linear between them.
+    """
+    nodes = sky_nodes(cos_o.dtype, cos_o.device)
+    values = brdf.to(cos_o.dtype, cos_o.device)
+    total = torch.zeros((), dtype=cos_o.dtype, device=cos_o.device)
+    for term in sky_terms(values.terms(nodes.directions)):
+        shape = term.shape
+        for factor in term.factors:
+            shape = shape * values.parameters[factor]
+        total = total + shape
+    return interpolate(total, cos_o)
+
+
+class SkyNodes:
+    """Quadrature of the upper hemisphere for each tabulated viewing cosine."""
+
+    def __init__(self, dtype: torch.dtype, device: torch.device) -> None:
+        # sin² substitution in the cosine puts nodes near grazing, where lobes are narrow.
+        x, wx = np.polynomial.legendre.leggauss(_POLAR)
+        theta = (x + 1) * math.pi / 4
+        y, wy = np.polynomial.legendre.leggauss(_AZIMUTH)
+        phi = (y + 1) * math.pi / 2
+        polar, azimuth = np.meshgrid(theta, phi, indexing="ij")
+        # Both halves of the azimuth count alike for isotropic models.
+        weight = np.outer(wx * math.pi / 4, wy * math.pi) * np.sin(polar) * np.cos(polar)
+        wi = np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=-1)
+        cos_o = np.linspace(0, 1, _NODES).clip(0.02)
+        wo = np.stack([np.sqrt(1 - cos_o**2), np.zeros(_NODES), cos_o], axis=-1)
+        self.weight = torch.from_numpy(weight.reshape(1, -1, 1)).to(device, dtype)
+        self.directions = Directions(
+            torch.from_numpy(wi.reshape(1, -1, 3)).to(device, dtype), torch.from_numpy(wo[:, None]).to(device, dtype)
+        )
+
+
+@lru_cache(maxsize=4)
+def sky_nodes(dtype: torch.dtype, device: torch.device) -> SkyNodes:
+    return SkyNodes(dtype, device)
+
+
+def sky_terms(terms: tuple[Term, ...]) -> list[Term]:
+    """Terms evaluated at the directions of `sky_nodes`, integrated over the sky: shapes [33, 1 or C]."""
+    integrated = []
+    for factors, shape in terms:
+        nodes = sky_nodes(shape.dtype, shape.device)
+        integrated.append(Term(factors, (shape * nodes.weight).sum(-2)))
+    return integrated
+
+
+def interpolate(table: Tensor, cos_o: Tensor) -> Tensor:
+    """Values [..., C] at `cos_o` [..., 1] from a table [33, C] over the cosines of `sky_nodes`."""
+    table = table.expand(_NODES, -1)
+    position = cos_o[..., 0].clamp(0, 1) * (_NODES - 1)
+    lower = position.detach().floor().clamp(max=_NODES - 2)
+    share = (position - lower)[..., None]
+    index = lower.long()
+    return table[index] * (1 - share) + table[index + 1] * share

@@ -1,0 +1,37 @@
+"""Models as `torch.nn.Module`, for people who write their own training loop."""
+
+from __future__ import annotations
+
+import torch
+from torch import nn
+
+from matest.brdf import Brdf
+
+
+class Trainable(nn.Module):
+    """A model whose parameters any optimiser may move freely: they are unconstrained inside.
+
+    Calling it returns the model at the current values, inside its domain whatever the optimiser did.
+
+    Args:
+        brdf: the model at its starting values; a value at an end of its domain starts 1e-6 inside.
+        fixed: names (in a sum: paths) of parameters that stay as they are. Held ones, such as `f0` of a dielectric,
+            train like the others unless named here.
+        dtype: of the parameters.
+    """
+
+    def __init__(self, brdf: Brdf, *, fixed: tuple[str, ...] = (), dtype: torch.dtype = torch.float32) -> None:
+        super().__init__()
+        gauges = tuple(name for name, declared in brdf.declared.items() if declared.gauge)
+        self._brdf = brdf
+        self._free = [name for name in brdf.declared if name not in (*fixed, *gauges)]
+        self.values = nn.ParameterList(
+            nn.Parameter(brdf.declared[name].domain.unconstrained(brdf.parameters[name].detach().to(dtype)))
+            for name in self._free
+        )
+
+    def forward(self) -> Brdf:
+        declared = self._brdf.declared
+        return self._brdf.replace(
+            {name: declared[name].domain.physical(raw) for name, raw in zip(self._free, self.values, strict=True)}
+        )

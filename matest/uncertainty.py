@@ -1,0 +1,92 @@
+"""Error bars: Fisher information, errors clustered by image, intervals, and what is not determined."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+# Eigenvalues of the scaled information below this belong to directions that the data do not determine.
+_SINGULAR = 1e-10
+# A parameter takes part in such a direction if it makes up more than this of it.
+_PARTICIPATES = 0.1
+
+
+@dataclass(frozen=True)
+class Covariance:
+    """Covariance of an estimate.
+
+    Attributes:
+        matrix: [P, P]; rows of parameters at a bound or not determined are zero.
+        undetermined: True for parameters that appear only in combinations the data cannot tell apart [P].
+        degrees: of freedom behind the standard errors (infinite: known noise).
+    """
+
+    matrix: Tensor
+    undetermined: Tensor
+    degrees: float = math.inf
+
+    @property
+    def std(self) -> Tensor:
+        return self.matrix.diagonal().clamp(min=0).sqrt()
+
+    @property
+    def correlation(self) -> Tensor:
+        std = self.std
+        scale = torch.where(std > 0, std, torch.ones_like(std))
+        return self.matrix / scale[:, None] / scale[None, :]
+
+
+def fisher(information: Tensor, free: Tensor) -> Covariance:
+    """Inverse of the Fisher information JᵀWJ over the parameters that are free (not at a bound) [P]."""
+    undetermined = torch.zeros(len(information), dtype=torch.bool)
+    inverse = torch.zeros_like(information)
+    index = free.nonzero()[:, 0]
+    if len(index):
+        inside = information[index][:, index]
+        scale = inside.diagonal().clamp(min=1e-300).rsqrt()
+        values, vectors = torch.linalg.eigh(inside * scale[:, None] * scale[None, :])
+        lost = (values < _SINGULAR) | (values < 1e-12 * values.max())
+        undetermined[index] = (vectors[:, lost].abs() > _PARTICIPATES).any(1) | (inside.diagonal() <= 0)
+        kept = vectors[:, ~lost] / values[~lost].sqrt()
+        inverse[index[:, None], index[None, :]] = (kept @ kept.T) * scale[:, None] * scale[None, :]
+        lose = undetermined.nonzero()[:, 0]
+        inverse[lose] = 0
+        inverse[:, lose] = 0
+    return Covariance(inverse, undetermined)
+
+
+def jackknife(informations: Sequence[Tensor], gradients: Sequence[Tensor], free: Tensor) -> Covariance:
+    """Covariance from leaving out one cluster of correlated samples at a time (one Gauss-Newton step each).
+
+    Args:
+        informations: JᵀWJ of each cluster [P, P].
+        gradients: JᵀWr of each cluster [P] at the solution, where they add up to (almost) zero.
+        free: parameters not at a bound [P].
+    """
+    total, slope = torch.stack(list(informations)).sum(0), torch.stack(list(gradients)).sum(0)
+    reference = fisher(total, free)
+    moves = []
+    for information, gradient in zip(informations, gradients, strict=True):
+        left = fisher(total - information, free)
+        moves.append(left.matrix @ (slope - gradient))
+    moved = torch.stack(moves)
+    moved = moved - moved.mean(0)
+    count = len(moves)
+    matrix = (count - 1) / count * moved.T @ moved
+    lose = (reference.undetermined | ~free).nonzero()[:, 0]
+    matrix[lose] = 0
+    matrix[:, lose] = 0
+    return Covariance(matrix, reference.undetermined, degrees=count - 1)
+
+
+def quantile95(degrees: float) -> float:
+    """Half-width of a 95 % interval in standard errors."""
+    if math.isinf(degrees):
+        return 1.959963984540054
+    from scipy.special import stdtrit
+
+    return float(stdtrit(degrees, 0.975))
