@@ -13,22 +13,23 @@ from matest.errors import InputError
 if TYPE_CHECKING:
     from matest import brdf, losses
     from matest.capture import Capture, load_capture
-    from matest.estimation import Estimate, estimate, load_estimate, predict
+    from matest.estimation import estimate, predict
+    from matest.result import Estimate, load_material
     from matest.scene import Scene
     from matest.shader import render, shade
-    from matest.simulate import load_scene, simulate
+    from matest.simulate import load_scene
     from matest.trainable import Trainable
 
 __version__ = "0.1.0"
 
 _HOME = {
     "Capture": "matest.capture",
-    "Estimate": "matest.estimation",
+    "Estimate": "matest.result",
     "Scene": "matest.scene",
     "Trainable": "matest.trainable",
     "estimate": "matest.estimation",
     "load_capture": "matest.capture",
-    "load_estimate": "matest.estimation",
+    "load_material": "matest.result",
     "load_scene": "matest.simulate",
     "predict": "matest.estimation",
     "render": "matest.shader",
@@ -45,7 +46,7 @@ __all__ = [
     "brdf",
     "estimate",
     "load_capture",
-    "load_estimate",
+    "load_material",
     "load_scene",
     "losses",
     "predict",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import torch
@@ -59,23 +59,30 @@ def fisher(information: Tensor, free: Tensor) -> Covariance:
     return Covariance(inverse, undetermined)
 
 
-def jackknife(informations: Sequence[Tensor], gradients: Sequence[Tensor], free: Tensor) -> Covariance:
-    """Covariance from leaving out one cluster of correlated samples at a time (one Gauss-Newton step each).
+def jackknife(
+    informations: Sequence[Tensor],
+    gradients: Sequence[Tensor],
+    free: Tensor,
+    resolve: Callable[[Tensor, Tensor], Tensor],
+) -> Covariance:
+    """Covariance from leaving out one cluster of correlated samples at a time.
 
     Args:
         informations: JᵀWJ of each cluster [P, P].
         gradients: JᵀWr of each cluster [P] at the solution, where they add up to (almost) zero.
         free: parameters not at a bound [P].
+        resolve: change of the parameters for given JᵀWJ and JᵀWr, inside their bounds.
     """
     total, slope = torch.stack(list(informations)).sum(0), torch.stack(list(gradients)).sum(0)
     reference = fisher(total, free)
-    moves = []
-    for information, gradient in zip(informations, gradients, strict=True):
-        left = fisher(total - information, free)
-        moves.append(left.matrix @ (slope - gradient))
-    moved = torch.stack(moves)
+    moved = torch.stack(
+        [
+            resolve(total - information, slope - gradient)
+            for information, gradient in zip(informations, gradients, strict=True)
+        ]
+    )
     moved = moved - moved.mean(0)
-    count = len(moves)
+    count = len(moved)
     matrix = (count - 1) / count * moved.T @ moved
     lose = (reference.undetermined | ~free).nonzero()[:, 0]
     matrix[lose] = 0

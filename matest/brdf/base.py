@@ -40,7 +40,7 @@ class Brdf:
 
     name: ClassVar[str]
     source: ClassVar[str]
-    body: ClassVar[bool] = False  # describes light that has entered the surface (diffuse)
+    body: ClassVar[bool] = False  # a diffuse model: a `diffuse` part beside it would only compete with it
 
     def __post_init__(self) -> None:
         for name, declared in self.declared.items():

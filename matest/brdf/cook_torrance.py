@@ -51,7 +51,6 @@ class CookTorrance(Brdf):
 
     name: ClassVar[str] = "cook-torrance"
     source: ClassVar[str] = "Cook & Torrance 1982"
-    body: ClassVar[bool] = True
 
     def terms(self, directions: Directions) -> tuple[Term, ...]:
         masked = v_cavity(directions) if self.masking == "v-cavity" else smith_beckmann(directions, self.slope)

@@ -35,7 +35,7 @@ class Folder:
             InputError: it lies outside the common folder of the captures, or does not exist.
         """
         target = Path(os.path.normpath(self.path / reference))
-        if not target.is_relative_to(self.root):
+        if not target.absolute().is_relative_to(self.root):
             raise InputError(
                 f"{self.path.name}: {key} = '{reference}' leads outside {self.root}, the captures' common folder; "
                 "copy the file into it and refer to it there."

@@ -54,6 +54,11 @@ class Batch:
     def __len__(self) -> int:
         return len(self.radiance)
 
+    def __getitem__(self, index: slice) -> Batch:
+        """Some of the samples."""
+        readout = Readout(*(value if len(value) == 1 else value[index] for value in self.readout))
+        return Batch(self.points[index], self.radiance[index], readout, self.cluster)
+
     def variance(self, radiance: Tensor) -> Tensor:
         """Noise variance of a pixel of this true `radiance` [n, C]."""
         return self.readout.read + self.readout.gain * radiance.clamp(min=0)

@@ -1,7 +1,20 @@
 """Solvers: from samples to the parameters of a uniform material."""
 
-from matest.estimators.fit import fit, fit_pilot
-from matest.estimators.levenberg_marquardt import Solution
+from matest.estimators.fit import fit, fit_batches
+from matest.estimators.levenberg_marquardt import Solution, at_bound, bounded_step
+from matest.estimators.linearise import Linearisation, Statistics, accumulate
+from matest.estimators.pilot import pilot
 from matest.estimators.problem import Problem
 
-__all__ = ["Problem", "Solution", "fit", "fit_pilot"]
+__all__ = [
+    "Linearisation",
+    "Problem",
+    "Solution",
+    "Statistics",
+    "accumulate",
+    "at_bound",
+    "bounded_step",
+    "fit",
+    "fit_batches",
+    "pilot",
+]

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import torch
 
-from matest.capture import Samples
+from matest.capture import Batch, Samples
 from matest.estimators.levenberg_marquardt import Solution, minimise
 from matest.estimators.linearise import Statistics, accumulate
 from matest.estimators.pilot import pilot
@@ -20,10 +20,11 @@ _PILOT_PASSES, _FULL_PASSES = 60, 20
 Progress = Callable[[str], None]
 
 
-def fit_pilot(problem: Problem, samples: Samples, seed: int) -> Solution:
-    """The global optimum on a stratified subsample: no initial guess is asked for."""
-    found = search(problem, pilot(samples, _SEARCH, seed))
-    batches = pilot(samples, _PILOT, seed)
+def fit_batches(problem: Problem, batches: list[Batch]) -> Solution:
+    """The global optimum on a few thousand samples held in memory: no initial guess is asked for."""
+    total = sum(len(batch) for batch in batches)
+    thinned = [batch[:: max(total // _SEARCH, 1)] for batch in batches]
+    found = search(problem, thinned)
 
     def descend(start: torch.Tensor, reference: torch.Tensor | None) -> Solution:
         def evaluate(unknowns: torch.Tensor) -> Statistics:
@@ -45,7 +46,7 @@ def fit(problem: Problem, samples: Samples, seed: int, progress: Progress = lamb
     the pilot's optimum: they need not be exact, and fixed ones make χ² a cost that can be compared between passes.
     """
     progress("searching")
-    found = fit_pilot(problem, samples, seed)
+    found = fit_batches(problem, pilot(samples, _PILOT, seed))
     start = found.unknowns
 
     def evaluate(unknowns: torch.Tensor) -> Statistics:

@@ -66,8 +66,16 @@ class _Step:
 
 
 def _step(problem: Problem, unknowns: Tensor, statistics: Statistics, damping: float) -> _Step:
-    """The minimum of the damped quadratic model of χ² inside the bounds, by a primal active-set method."""
     information, gradient = statistics.information, statistics.gradient
+    change = bounded_step(problem, unknowns, information, gradient, damping)
+    curvature = float((change @ information @ change).clamp(min=0))
+    return _Step(change, float(2 * gradient @ change), curvature, math.sqrt(curvature / statistics.misfit))
+
+
+def bounded_step(
+    problem: Problem, unknowns: Tensor, information: Tensor, gradient: Tensor, damping: float = 0.0
+) -> Tensor:
+    """The change of u [P] that minimises the damped quadratic model of χ² inside the bounds (primal active set)."""
     scale = information.diagonal().clamp(min=1e-300).rsqrt()
     # In units of standard errors without correlation: the damped matrix has diagonal 1 + damping.
     scaled = information * scale[:, None] * scale[None, :] + (damping + 1e-13) * torch.eye(len(scale)).double()
@@ -92,9 +100,7 @@ def _step(problem: Problem, unknowns: Tensor, statistics: Statistics, damping: f
         if not bool(inward.any()):
             break
         held[int((inward * slope.abs()).argmax())] = False
-    change = position - unknowns
-    curvature = float((change @ information @ change).clamp(min=0))
-    return _Step(change, float(2 * gradient @ change), curvature, math.sqrt(curvature / statistics.misfit))
+    return position - unknowns
 
 
 def minimise(problem: Problem, start: Tensor, evaluate: Evaluate, *, passes: int, tolerance: float) -> Solution:

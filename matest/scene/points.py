@@ -22,3 +22,10 @@ class Points:
     wo: Tensor
     irradiance: Tensor
     ambient: Tensor | None = None
+
+    def __getitem__(self, index: slice) -> Points:
+        """Some of the points of a batch [n, …]."""
+        parts = (self.wi, self.wo, self.irradiance)
+        ambient = self.ambient if self.ambient is None or len(self.ambient) == 1 else self.ambient[index]
+        wi, wo, irradiance = (part if len(part) == 1 else part[index] for part in parts)
+        return Points(wi, wo, irradiance, ambient)

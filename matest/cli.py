@@ -1,0 +1,390 @@
+"""The command `matest`."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+import matest
+from matest.errors import InputError
+
+if TYPE_CHECKING:
+    from matest.capture import Capture
+    from matest.result import Estimate
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="What a surface is made of, with error bars, from photographs of an object whose shape and lights are known.",
+)
+
+Json = Annotated[bool, typer.Option("--json", help="Print machine-readable JSON on standard output.")]
+Out = Annotated[Path | None, typer.Option("-o", "--out", help="Where to write.", show_default=False)]
+Transfer = Annotated[
+    str | None, typer.Option(help="How pixels encode light: linear, srgb or a gamma; overrides the capture's.")
+]
+
+
+def main() -> None:
+    """Run the command: exit code 0, 1 (the work failed) or 2 (bad input)."""
+    try:
+        app()
+    except InputError as error:
+        _fail(str(error), 2)
+    except OSError as error:
+        _fail(f"{error.filename or 'file system'}: {error.strerror or error}.", 1)
+    except KeyboardInterrupt:
+        _fail("interrupted; nothing was written.", 1)
+
+
+@app.command(epilog="Example: matest estimate renders/vase --model oren-nayar")
+def estimate(
+    captures: Annotated[list[Path], typer.Argument(metavar="CAPTURE...", help="Folders with a capture.toml.")],
+    out: Out = None,
+    model: Annotated[
+        str, typer.Option(help="A model or sum, as 'oren-nayar+torrance-sparrow'; see 'matest models'.")
+    ] = "auto",
+    fix: Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE", help="Hold a parameter at a value.")] = None,
+    free: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Estimate a parameter held by default.")
+    ] = None,
+    tie: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=OTHER", help="Give a parameter another's value.")
+    ] = None,
+    holdout: Annotated[str, typer.Option(metavar="INDEX,...", help="Images to leave out of the fit.")] = "",
+    transfer: Transfer = None,
+    seed: Annotated[int, typer.Option(help="Of the subsample that the search starts from.")] = 0,
+    device: Annotated[str, typer.Option(help="Where to compute: cpu, cuda.")] = "cpu",
+    as_json: Json = False,
+) -> None:
+    """Estimate the material of photographed objects, with error bars.
+
+    The result goes to CAPTURE/matest (or OUT; with several captures OUT/<capture name>/ each): result.json,
+    material.json, report.html, profile.csv and pictures.
+    """
+    from matest.report.folder import check_destination
+    from matest.specification import Constraints, specify
+
+    constraints = Constraints(dict(map(_assignment, fix or [])), tuple(free or ()), dict(map(_pair, tie or [])))
+    left_out = _indices(holdout)
+    if model != "auto":
+        specify(model, constraints, channels=_any_channels(constraints), relative=False)
+    _check_device(device)
+    root = Path(os.path.commonpath([path.absolute() for path in captures]))
+    root = root if root.is_dir() else root.parent
+    places = _places(captures, out)
+    for place in places.values():
+        check_destination(place, "result.json")
+
+    outcomes: dict[str, Any] = {}
+    for path, place in places.items():
+        try:
+            with _progress(f"{path}") as say:
+                capture = _load(path, transfer, root, say)
+                found = matest.estimate(
+                    capture, model, fix=constraints.fix, free=constraints.free, tie=constraints.tie,
+                    holdout=left_out, seed=seed, device=device, progress=say,
+                )  # fmt: skip
+                outcomes[str(path)] = _write(found, capture, place, say)
+        except InputError as error:
+            if len(places) == 1:
+                raise
+            outcomes[str(path)] = str(error)
+    _report_estimates(outcomes, places, as_json)
+    if any(isinstance(outcome, str) for outcome in outcomes.values()):
+        raise typer.Exit(2)
+
+
+@app.command(epilog="Example: matest predict renders/vase/matest renders/vase -o prediction")
+def predict(
+    result: Annotated[Path, typer.Argument(help="A result folder of 'matest estimate'.")],
+    capture: Annotated[Path, typer.Argument(help="The capture whose lights to use.")],
+    out: Out = None,
+    transfer: Transfer = None,
+    as_json: Json = False,
+) -> None:
+    """Shade an estimated material under a capture's lights and compare with its photographs.
+
+    Writes linear radiance (NN.exr), pictures and prediction.json to OUT (default: RESULT/predict-<capture name>).
+    """
+    from matest.report.folder import check_destination, write_prediction
+    from matest.result import load_material
+
+    material = load_material(result)
+    folder = result if result.is_dir() else result.parent
+    place = out or folder / f"predict-{capture.absolute().name}"
+    check_destination(place, "prediction.json")
+    with _progress(str(capture)) as say:
+        loaded = _load(capture, transfer, None, say)
+        say("shading")
+        renders, errors = matest.predict(material, loaded)
+        write_prediction(renders, errors, loaded, place)
+    if as_json:
+        names = [file.name for file in loaded.files]
+        _print_json({"out": str(place), "relative_rmse": dict(zip(names, errors, strict=True))})
+        return
+    from matest.report.tables import prediction_table
+
+    _console().print(prediction_table(errors, [file.name for file in loaded.files]), f"Written to {place}")
+
+
+@app.command(epilog="Example: matest render renders/vase/scene.toml -o vase-capture")
+def render(
+    scene: Annotated[Path, typer.Argument(help="A scene.toml, or its folder.")],
+    out: Out = None,
+    as_json: Json = False,
+) -> None:
+    """Render a scene to a capture: images, mask, normals and capture.toml, in OUT (default: the scene's folder)."""
+    from matest.simulate import simulate
+
+    with _progress(str(scene)) as say:
+        folder = simulate(scene, out, lambda done, total: say(f"image {done} of {total}"))
+    if as_json:
+        _print_json({"out": str(folder)})
+    else:
+        typer.echo(f"Written to {folder}")
+
+
+@app.command(epilog="Example: matest compare truth/00.exr oren-nayar/00.exr lambert/00.exr --row 128 -o figure-13")
+def compare(
+    images: Annotated[list[Path], typer.Argument(metavar="A B...", help="Images; the first is the reference.")],
+    row: Annotated[int | None, typer.Option(help="Along this row (default: the middle one).")] = None,
+    column: Annotated[int | None, typer.Option(help="Along this column.")] = None,
+    line: Annotated[str | None, typer.Option(metavar="X0,Y0,X1,Y1", help="Along this line, pixel indices.")] = None,
+    out: Annotated[Path, typer.Option("-o", "--out", help="Stem of the plot OUT.png and the table OUT.csv.")] = Path(
+        "compare"
+    ),
+    as_json: Json = False,
+) -> None:
+    """Compare the brightness of images along a cross-section: plot, CSV, rms and maximum error."""
+    from matest import profiles
+    from matest.capture.images import read_image
+    from matest.report.pictures import write_columns
+    from matest.report.plots import plot_profiles
+
+    if len(images) < 2:
+        raise InputError("compare needs two images or more; the first is the reference.")
+    pixels = [_as_fractions(read_image(path)) for path in images]
+    height, width = pixels[0].shape[:2]
+    chosen = profiles.middle_row((height, width))
+    if sum(option is not None for option in (row, column, line)) > 1:
+        raise InputError("give one of --row, --column and --line.")
+    if row is not None:
+        chosen = (0.0, float(row), width - 1.0, float(row))
+    elif column is not None:
+        chosen = (float(column), 0.0, float(column), height - 1.0)
+    elif line is not None:
+        chosen = _line(line)
+    found = profiles.compare(pixels, _distinct(images), chosen)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    plot, table = Path(f"{out}.png"), Path(f"{out}.csv")
+    plot_profiles(found, plot)
+    write_columns(table, {"distance": found.distance, **dict(zip(found.names, found.profiles, strict=True))})
+    if as_json:
+        figures = zip(found.names, found.rms, found.maximum, found.peak, strict=True)
+        rows = [{"image": n, "rms": r, "maximum": m, "peak": p} for n, r, m, p in figures]
+        _print_json({"plot": str(plot), "csv": str(table), "images": rows})
+        return
+    from matest.report.tables import comparison_table
+
+    _console().print(comparison_table(found), f"Written to {plot} and {table}")
+
+
+@app.command(epilog="Example: matest models")
+def models(as_json: Json = False) -> None:
+    """List the reflectance models with their parameters, units, options and sources."""
+    from matest.brdf import MODELS
+    from matest.parameters import options_of, parameters_of
+
+    if as_json:
+        catalogue = {}
+        for name, model in MODELS.items():
+            parameters = {
+                key: {"unit": p.unit, "lower": p.domain.lower, "upper": _finite(p.domain.upper), "doc": p.doc}
+                for key, p in parameters_of(model).items()
+            }
+            catalogue[name] = {"source": model.source, "parameters": parameters, "options": options_of(model)}
+        _print_json(catalogue)
+        return
+    from matest.report.tables import models_table
+
+    _console().print(models_table(MODELS))
+
+
+@app.callback(invoke_without_command=True)
+def _root(
+    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.", is_eager=True)] = False,
+) -> None:
+    if version:
+        typer.echo(f"matest {matest.__version__}")
+        raise typer.Exit
+
+
+def _load(path: Path, transfer: str | None, root: Path | None, say: Callable[[str], None]) -> Capture:
+    def progress(done: int, total: int) -> None:
+        say(f"reading image {done} of {total}")
+
+    return matest.load_capture(path, transfer=_transfer(transfer), root=root, progress=progress)
+
+
+def _write(found: Estimate, capture: Capture, place: Path, say: Callable[[str], None]) -> Estimate:
+    from matest.report.folder import write_result
+
+    provenance = {
+        "matest": matest.__version__,
+        "command": " ".join(["matest", *sys.argv[1:]]),
+        "inputs": capture.digests(),
+    }
+    return write_result(replace(found, provenance=provenance), capture, place, say)
+
+
+def _report_estimates(outcomes: dict[str, Any], places: dict[Path, Path], as_json: bool) -> None:
+    if as_json:
+        plain = {k: {"error": v} if isinstance(v, str) else v.to_dict() for k, v in outcomes.items()}
+        _print_json(next(iter(plain.values())) if len(plain) == 1 else plain)
+        return
+    from matest.report.tables import estimate_table, summary_table
+
+    console = _console()
+    for place, outcome in zip(places.values(), outcomes.values(), strict=True):
+        if isinstance(outcome, str):
+            typer.echo(f"matest: {outcome}", err=True)
+        else:
+            console.print(estimate_table(outcome))
+            console.print(f"Result in {place} (open {place / 'report.html'})", soft_wrap=True)
+    if len(outcomes) > 1:
+        console.print(summary_table(outcomes))
+
+
+def _places(captures: list[Path], out: Path | None) -> dict[Path, Path]:
+    """Where the result of each capture goes."""
+    if len(captures) == 1:
+        folder = captures[0] if captures[0].is_dir() else captures[0].parent
+        return {captures[0]: out or folder / "matest"}
+    names = [(path if path.is_dir() else path.parent).absolute().name for path in captures]
+    if out is not None and len(set(names)) < len(names):
+        raise InputError(f"two captures have the same name ({', '.join(sorted(names))}); estimate them one by one.")
+    folders = [path if path.is_dir() else path.parent for path in captures]
+    return {
+        path: out / name if out is not None else folder / "matest"
+        for path, name, folder in zip(captures, names, folders, strict=True)
+    }
+
+
+@contextmanager
+def _progress(title: str) -> Iterator[Callable[[str], None]]:
+    """A spinner with a word on what is being done; silent in a pipe."""
+    if not sys.stderr.isatty():
+        yield lambda _: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(title)
+        yield lambda word: progress.update(task, description=f"{title}: {word}")
+
+
+def _console():  # type: ignore[no-untyped-def]
+    from rich.console import Console
+
+    return Console(highlight=False)
+
+
+def _print_json(content: Any) -> None:
+    typer.echo(json.dumps(content, ensure_ascii=False))
+
+
+def _fail(text: str, code: int) -> None:
+    print(f"matest: {text}", file=sys.stderr)
+    sys.exit(code)
+
+
+def _assignment(text: str) -> tuple[str, float | list[float]]:
+    """`f0=0.04`, `albedo=0.7,0.6,0.5`."""
+    from matest.brdf.expression import number
+
+    name, value = _pair(text)
+    numbers = [number(part, f"--fix {name}") for part in value.split(",")]
+    return name, numbers[0] if len(numbers) == 1 else numbers
+
+
+def _pair(text: str) -> tuple[str, str]:
+    name, equals, value = (part.strip() for part in text.partition("="))
+    if not (name and equals and value):
+        raise InputError(f"'{text}' must read NAME=VALUE.")
+    return name, value
+
+
+def _indices(text: str) -> list[int]:
+    try:
+        return [int(part) for part in text.split(",") if part.strip()]
+    except ValueError:
+        raise InputError(f"--holdout takes image numbers separated by commas, as 0,3; got '{text}'.") from None
+
+
+def _line(text: str) -> tuple[float, float, float, float]:
+    try:
+        x0, y0, x1, y1 = (float(part) for part in text.split(","))
+    except ValueError:
+        raise InputError(f"--line takes X0,Y0,X1,Y1 in pixels; got '{text}'.") from None
+    return x0, y0, x1, y1
+
+
+def _transfer(text: str | None) -> str | float | None:
+    if text is None or text in ("linear", "srgb"):
+        return text
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError(f"--transfer must be linear, srgb or a number (gamma); got '{text}'.") from None
+
+
+def _any_channels(constraints: Any) -> int:
+    """A number of channels that per-channel values fit, for checking names before anything is read."""
+    return max((len(value) for value in constraints.fix.values() if isinstance(value, list)), default=1)
+
+
+def _check_device(device: str) -> None:
+    if device == "cpu":
+        return
+    import torch
+
+    try:
+        torch.zeros(1, device=device)
+    except (RuntimeError, AssertionError) as error:
+        raise InputError(f"--device {device} is not available here ({str(error).splitlines()[0]}); use cpu.") from None
+
+
+def _as_fractions(image: Any) -> Any:
+    """Pixel values as floats: integers as fractions of full scale, floats as stored."""
+    import numpy as np
+
+    from matest.capture.images import full_scale
+
+    return image.astype(np.float64) / full_scale(image.dtype)
+
+
+def _distinct(paths: list[Path]) -> list[str]:
+    """Short names of files that differ from each other."""
+    for depth in range(1, max(len(path.parts) for path in paths) + 1):
+        names = ["/".join(path.parts[-depth:]) for path in paths]
+        if len(set(names)) == len(names):
+            return names
+    return [str(path) for path in paths]
+
+
+def _finite(value: float) -> float | None:
+    return value if value < float("inf") else None

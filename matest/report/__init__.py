@@ -1,0 +1,1 @@
+"""Reports: result folders, pages, pictures, plots and tables for the terminal."""

@@ -1,0 +1,113 @@
+"""`report.html`: one static page with the estimate's table and pictures."""
+
+from __future__ import annotations
+
+from html import escape
+
+from matest.report.format import channel_names, rows
+from matest.report.pictures import RESIDUAL_RANGE
+from matest.result import Estimate
+
+_STYLE = """
+:root { color-scheme: light dark; --line: #8884; --soft: #888; }
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; }
+h1 { font-size: 1.5rem; margin-bottom: 0; } h2 { font-size: 1.1rem; margin-top: 2rem; }
+.lead { color: var(--soft); margin-top: .2rem; }
+table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
+th, td { text-align: left; padding: .3rem .8rem .3rem 0; border-bottom: 1px solid var(--line); vertical-align: top; }
+th { font-weight: 600; } .warning { border-left: 4px solid #c80; padding-left: .8rem; margin: .4rem 0; }
+.images { display: grid; grid-template-columns: repeat(3, 1fr); gap: .8rem; }
+figure { margin: 0; } figure img { width: 100%; image-rendering: auto; background: #000; }
+figcaption { font-size: .85rem; color: var(--soft); }
+"""
+
+
+def page(estimate: Estimate, images: int) -> str:
+    """The report as HTML; pictures are referred to by their place in the result folder.
+
+    Args:
+        estimate: what to report.
+        images: number of images of the capture.
+    """
+    fit = estimate.fit
+    parts = [
+        f"<h1>{escape(estimate.capture)}: {escape(estimate.model)}</h1>",
+        f'<p class="lead">{escape(fit.message)}</p>',
+        _table(
+            ("parameter", "value ± standard error", "95 % interval", "status", ""),
+            [
+                (*row, parameter.doc)
+                for name, parameter in estimate.parameters.items()
+                for row in rows(name, parameter, channel_names(_channels(estimate)))
+            ],
+        ),
+        *(f'<p class="warning">{escape(warning)}</p>' for warning in estimate.warnings),
+        "<h2>Fit</h2>",
+        _table(
+            ("relative rms error", "χ² per value", "samples used", "of", "passes", "error bars from"),
+            [
+                (
+                    f"{fit.relative_rmse:.2%}",
+                    f"{fit.reduced_chi2:.3g}",
+                    f"{fit.samples_used:,}",
+                    f"{fit.samples:,}",
+                    str(fit.iterations),
+                    fit.errors,
+                )
+            ],
+        ),
+    ]
+    if estimate.holdout:
+        left = ", ".join(map(str, estimate.holdout["images"]))
+        parts.append(f"<p>Images left out ({left}): relative rms error {estimate.holdout['relative_rmse']:.2%}.</p>")
+    if estimate.candidates:
+        parts.append("<h2>Models tried</h2>")
+        parts.append(
+            _table(
+                ("model", "error on images left out", "verdict"),
+                [(c.model, f"{c.relative_rmse:.2%}", c.reason) for c in estimate.candidates],
+            )
+        )
+    parts.append("<h2>Images</h2>")
+    parts.append(
+        f"<p>Photograph, the estimated material under the same light, and their difference: red where the photograph "
+        f"is brighter, blue where it is darker, full colour at {RESIDUAL_RANGE:.0%} of the rms brightness.</p>"
+    )
+    parts.append('<div class="images">')
+    for number in range(images):
+        for kind, caption in (("photo", "photograph"), ("render", "model"), ("residual", "difference")):
+            source = f"images/{number:02d}_{kind}.png"
+            parts.append(
+                f'<figure><img src="{source}" alt="{caption} {number}" loading="lazy">'
+                f"<figcaption>{number}: {caption}</figcaption></figure>"
+            )
+    parts.append("</div>")
+    parts += ["<h2>Not computed</h2>", _skipped(estimate), "<h2>Time</h2>", _timing(estimate)]
+    title = escape(f"matest: {estimate.capture}")
+    return (
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
+        f'<meta name="viewport" content="width=device-width"><style>{_STYLE}</style></head><body>'
+        + "\n".join(parts)
+        + "</body></html>\n"
+    )
+
+
+def _channels(estimate: Estimate) -> int:
+    return max((len(p.value) for p in estimate.parameters.values() if isinstance(p.value, list)), default=1)
+
+
+def _table(head: tuple[str, ...], body: list[tuple[str, ...]]) -> str:
+    cells = "".join(f"<th>{escape(cell)}</th>" for cell in head)
+    lines = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in body)
+    return f"<table><thead><tr>{cells}</tr></thead><tbody>{lines}</tbody></table>"
+
+
+def _skipped(estimate: Estimate) -> str:
+    counts = [f"{count:,} {reason}" for reason, count in estimate.skipped.get("samples", {}).items() if count]
+    work = "".join(f"<li>{escape(item)}</li>" for item in estimate.skipped.get("work", []))
+    return f"<ul><li>pixels: {escape(', '.join(counts) or 'none')}</li>{work}</ul>"
+
+
+def _timing(estimate: Estimate) -> str:
+    stages = ", ".join(f"{stage} {seconds:.2f} s" for stage, seconds in estimate.timing_s.items())
+    return f"<p>{escape(stages)}</p>"

@@ -1,0 +1,72 @@
+"""Pictures of an estimate: photograph, shaded material and their difference, fit to look at."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from matest.capture import Capture
+from matest.capture.images import write_image
+from matest.capture.photometry import srgb
+from matest.profiles import cross_section, middle_row
+
+# The residual picture shows differences up to this share of the photograph's rms brightness.
+RESIDUAL_RANGE = 0.1
+
+
+def write_pictures(capture: Capture, renders: np.ndarray, folder: Path) -> None:
+    """`images/NN_photo.png`, `NN_render.png`, `NN_residual.png` and `profile.csv`.
+
+    Photograph and render share one exposure. In the residual red is a photograph brighter than the model, blue a
+    darker one, white agreement.
+
+    Args:
+        capture: the photographs.
+        renders: radiance of the material [K, H, W, C].
+        folder: where to write.
+    """
+    (folder / "images").mkdir(parents=True, exist_ok=True)
+    surface = capture.scene.surface
+    columns: dict[str, np.ndarray] = {}
+    line = _object_row(surface.mask)
+    for number, render in enumerate(renders):
+        photo = surface.image(capture.radiance(number))
+        lit = photo[surface.mask]
+        white = float(np.quantile(lit.max(axis=1), 0.995)) or 1.0
+        # Past the brightest pixel but the highlight: bright, not burnt.
+        write_image(folder / "images" / f"{number:02d}_photo.png", srgb(0.8 * photo / white))
+        write_image(folder / "images" / f"{number:02d}_render.png", srgb(0.8 * render / white))
+        scale = RESIDUAL_RANGE * float(np.sqrt(np.mean(lit**2))) or 1.0
+        difference = (photo - render).mean(axis=2) / scale
+        write_image(folder / "images" / f"{number:02d}_residual.png", _diverging(difference, surface.mask))
+        columns[f"photo_{number:02d}"] = cross_section(photo, line)
+        columns[f"render_{number:02d}"] = cross_section(render, line)
+    write_columns(folder / "profile.csv", {"x": np.arange(len(next(iter(columns.values())))), **columns})
+
+
+def write_columns(path: Path, columns: dict[str, np.ndarray]) -> None:
+    """A CSV file of equally long columns."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows([[f"{value:.6g}" for value in row] for row in zip(*columns.values(), strict=True)])
+
+
+def _object_row(mask: np.ndarray) -> tuple[float, float, float, float]:
+    """The horizontal line through the middle of the object's height."""
+    rows = np.flatnonzero(mask.any(axis=1))
+    x0, _, x1, _ = middle_row((mask.shape[0], mask.shape[1]))
+    middle = float(rows[len(rows) // 2])
+    return x0, middle, x1, middle
+
+
+def _diverging(values: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Blue (−1) over white to red (+1); grey background."""
+    red, blue = np.array([178, 24, 43]), np.array([33, 102, 172])
+    strength = np.abs(values).clip(0, 1)[..., None]
+    colour = np.where(values[..., None] >= 0, red, blue)
+    picture = 255 * (1 - strength) + colour * strength
+    picture[~mask] = 224
+    return picture.round().astype(np.uint8)

@@ -1,0 +1,110 @@
+"""Tables for the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console, Group
+from rich.table import Table
+from rich.text import Text
+
+from matest.brdf import Brdf
+from matest.parameters import options_of, parameters_of
+from matest.profiles import Comparison
+from matest.report.format import channel_names, rows
+from matest.result import Estimate
+
+_STATUS_STYLE = {"determined": "green", "at bound": "yellow", "not determined": "red"}
+
+
+def show(console: Console, *parts: object) -> None:
+    console.print(Group(*parts))  # type: ignore[arg-type]
+
+
+def estimate_table(estimate: Estimate) -> Group:
+    """Parameters with error bars, quality of the fit, warnings."""
+    table = Table(box=SIMPLE_HEAD, title=f"{estimate.capture}: {estimate.model}", title_justify="left")
+    for column in ("parameter", "value ± standard error", "95 % interval", "status"):
+        table.add_column(column, no_wrap=column != "value ± standard error")
+    channels = max((len(p.value) for p in estimate.parameters.values() if isinstance(p.value, list)), default=1)
+    for name, parameter in estimate.parameters.items():
+        for row in rows(name, parameter, channel_names(channels)):
+            table.add_row(*row[:-1], Text(row[-1], style=_STATUS_STYLE.get(row[-1], "")))
+    fit = estimate.fit
+    parts: list[object] = []
+    if estimate.candidates:
+        parts.append(_candidates(estimate))
+    parts.append(table)
+    parts.append(Text(fit.message))
+    summary = f"relative rms error {fit.relative_rmse:.2%}, {fit.samples_used:,} of {fit.samples:,} samples"
+    if estimate.holdout:
+        summary += f", {estimate.holdout['relative_rmse']:.2%} on the images left out"
+    parts.append(Text(summary + "."))
+    parts += [Text(f"Note: {warning}", style="yellow") for warning in estimate.warnings]
+    stages = ", ".join(f"{stage} {seconds:.2f} s" for stage, seconds in estimate.timing_s.items())
+    parts.append(Text(stages, style="dim"))
+    return Group(*parts)  # type: ignore[arg-type]
+
+
+def summary_table(estimates: Mapping[str, Estimate | str]) -> Table:
+    """One line a capture; a text instead of an estimate says why there is none."""
+    table = Table(box=SIMPLE_HEAD)
+    for column in ("capture", "model", "relative rms error", "status"):
+        table.add_column(column)
+    for name, estimate in estimates.items():
+        if isinstance(estimate, str):
+            table.add_row(name, "", "", Text(estimate, style="red"))
+        else:
+            table.add_row(name, estimate.model, f"{estimate.fit.relative_rmse:.2%}", estimate.fit.status)
+    return table
+
+
+def models_table(models: Mapping[str, type[Brdf]]) -> Table:
+    """The catalogue: every model with its parameters, units, domains, options and source."""
+    table = Table(box=SIMPLE_HEAD)
+    table.add_column("model", no_wrap=True)
+    table.add_column("parameter", no_wrap=True)
+    table.add_column("range", no_wrap=True)
+    table.add_column("meaning")
+    for name, model in models.items():
+        table.add_row(Text(name, style="bold"), "", "", Text(model.source, style="dim"))
+        for parameter, declared in parameters_of(model).items():
+            unit = "" if declared.unit == "1" else f" {declared.unit}"
+            held = f" (held at {declared.held:g} unless determined)" if declared.held is not None else ""
+            table.add_row("", parameter, f"{declared.domain}{unit}", declared.doc + held)
+        for option, choices in options_of(model).items():
+            table.add_row("", f"{option} =", "", " | ".join(choices))
+    return table
+
+
+def prediction_table(errors: list[float], files: list[str]) -> Table:
+    table = Table(box=SIMPLE_HEAD)
+    table.add_column("image")
+    table.add_column("relative rms error", justify="right")
+    for file, error in zip(files, errors, strict=True):
+        table.add_row(file, f"{error:.2%}")
+    return table
+
+
+def comparison_table(comparison: Comparison) -> Table:
+    table = Table(box=SIMPLE_HEAD)
+    table.add_column("image")
+    for column in ("rms difference", "maximum", "brightest at"):
+        table.add_column(column, justify="right")
+    for name, rms, maximum, peak in zip(
+        comparison.names, comparison.rms, comparison.maximum, comparison.peak, strict=True
+    ):
+        first = name == comparison.names[0]
+        table.add_row(name, "reference" if first else f"{rms:.4g}", "" if first else f"{maximum:.4g}", f"{peak:.0f} px")
+    return table
+
+
+def _candidates(estimate: Estimate) -> Table:
+    table = Table(box=SIMPLE_HEAD, title="Models tried (error on what was left out of the fit)", title_justify="left")
+    table.add_column("model", no_wrap=True)
+    table.add_column("error", justify="right")
+    table.add_column("verdict")
+    for candidate in estimate.candidates:
+        table.add_row(candidate.model, f"{candidate.relative_rmse:.2%}", candidate.reason)
+    return table

@@ -1,0 +1,157 @@
+"""The outcome of an estimate: parameters with error bars, how the fit went, and its JSON form."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from matest.brdf import Brdf, model
+from matest.errors import InputError
+
+SCHEMA = "matest.estimate/1"
+
+Number = float | list[float | None] | None
+
+
+@dataclass(frozen=True)
+class ParameterEstimate:
+    """One parameter: a number, or a list of one number per channel.
+
+    Attributes:
+        value: physical value; None where it is not determined.
+        std: standard error; None where there is none (fixed, at a bound, not determined).
+        interval95: [lower, upper], or a list of them; None likewise.
+        unit: "1", "rad", "µm".
+        status: determined | at bound | tied | fixed | not determined.
+        doc: what the parameter is.
+    """
+
+    value: Number
+    std: Number
+    interval95: Any
+    unit: str
+    status: str
+    doc: str = ""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """How well the model describes the images.
+
+    Attributes:
+        rmse: root mean square residual, radiance.
+        relative_rmse: that over the rms radiance of the samples used.
+        reduced_chi2: mean squared residual in units of the noise variance.
+        samples: usable samples (pixels of all images).
+        samples_used: of those, the ones in the final pass.
+        iterations: passes over all samples.
+        status: "converged" or "not converged".
+        message: the same as a sentence.
+        errors: what the error bars rest on: "fisher", "jackknife over images" or "jackknife over blocks".
+    """
+
+    rmse: float
+    relative_rmse: float
+    reduced_chi2: float
+    samples: int
+    samples_used: int
+    iterations: int
+    status: str
+    message: str
+    errors: str
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A model that was tried. `score`: error on images left out, relative to the signal."""
+
+    model: str
+    score: float
+    relative_rmse: float
+    reason: str
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The estimated material of a capture, with everything a report needs.
+
+    Attributes:
+        capture: name of the capture.
+        model: expression of the model.
+        material: the model at the estimated values.
+        parameters: by name (in a sum: by path).
+        labels: names of the rows of `correlation`.
+        correlation: of the estimates, [P][P].
+        fit: quality of the fit.
+        relative: light known up to one common scale, so albedo-like parameters are too.
+        candidates: models tried by `auto`.
+        skipped: what was not computed, and why: components, samples, work.
+        timing_s: seconds per stage.
+        holdout: images left out of the fit and the error there.
+        provenance: version, command, hashes of the inputs.
+        warnings: sentences.
+    """
+
+    capture: str
+    model: str
+    material: Brdf
+    parameters: dict[str, ParameterEstimate]
+    labels: list[str]
+    correlation: list[list[float]]
+    fit: Fit
+    relative: bool
+    candidates: list[Candidate] = field(default_factory=list)
+    skipped: dict[str, Any] = field(default_factory=dict)
+    timing_s: dict[str, float] = field(default_factory=dict)
+    holdout: dict[str, Any] | None = None
+    provenance: dict[str, Any] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The content of `result.json`."""
+        out: dict[str, Any] = {
+            "schema": SCHEMA,
+            "capture": self.capture,
+            "model": self.model,
+            "radiometry": "relative" if self.relative else "absolute",
+            "parameters": {name: asdict(parameter) for name, parameter in self.parameters.items()},
+            "correlation": {"names": self.labels, "matrix": self.correlation},
+            "fit": asdict(self.fit),
+            "candidates": [asdict(candidate) for candidate in self.candidates],
+            "skipped": self.skipped,
+            "timing_s": self.timing_s,
+        }
+        if self.holdout is not None:
+            out["holdout"] = self.holdout
+        return out | {"provenance": self.provenance, "warnings": self.warnings}
+
+    def material_dict(self) -> dict[str, Any]:
+        """The content of `material.json`: the model and the values that shading needs."""
+        values = {name: value.tolist() for name, value in self.material.parameters.items()}
+        return {"model": self.model, "parameters": values}
+
+
+def load_material(path: str | Path) -> Brdf:
+    """The material of a result folder (or of its `material.json`), ready for shading.
+
+    Raises:
+        InputError: there is none, or it cannot be read.
+    """
+    path = Path(path)
+    file = path / "material.json" if path.is_dir() else path
+    if not file.is_file():
+        raise InputError(
+            f"{path}: expected a result folder of 'matest estimate', with a material.json; check the path."
+        )
+    try:
+        content = json.loads(file.read_text("utf-8"))
+        expression, values = content["model"], content["parameters"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{file}: expected a material of 'matest estimate'; cannot read it ({error}).") from None
+    brdf, _ = model(expression)
+    # Under relative radiometry an albedo may pass 1: tensors are taken as they are.
+    return brdf.replace({name: torch.tensor(value, dtype=torch.float64) for name, value in values.items()})

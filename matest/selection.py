@@ -1,0 +1,124 @@
+"""Which model the images support: a bigger one must predict images left out of the fit better."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from matest.brdf import model
+from matest.capture import Batch, Samples
+from matest.errors import InputError
+from matest.estimators import Linearisation, fit_batches, pilot
+from matest.result import Candidate
+from matest.specification import Constraints, specify
+
+# From few to many parameters; a later one replaces an earlier one only if it predicts better.
+CANDIDATES = (
+    "lambert",
+    "oren-nayar-qualitative",
+    "oren-nayar",
+    "cook-torrance",
+    "oren-nayar+torrance-sparrow",
+    "oren-nayar+cook-torrance",
+)
+_SAMPLES = 8_000
+_FOLDS = 4
+# Fewer images than this: parts of images are left out instead.
+_MIN_IMAGES = 3
+_BANDS = 4
+# Better by chance is not better: two standard errors over the parts, and at least this share of the error.
+_STANDARD_ERRORS, _LEAST_GAIN = 2.0, 0.01
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """Prediction of one candidate: squared error of every part when it was left out, relative to its signal."""
+
+    expression: str
+    errors: np.ndarray
+
+    @property
+    def score(self) -> float:
+        return math.sqrt(float(self.errors.mean()))
+
+
+def select(
+    samples: Samples, constraints: Constraints, seed: int, progress: Callable[[str], None]
+) -> tuple[str, list[Candidate]]:
+    """The smallest candidate that no other one beats, and the record of the comparison.
+
+    Candidates that lack a constrained parameter are not tried.
+
+    Raises:
+        InputError: no candidate has the constrained parameters.
+    """
+    capture = samples.capture
+    parts = _parts(pilot(samples, _SAMPLES, seed), len(samples.images))
+    eligible = [expression for expression in CANDIDATES if _has(expression, constraints)]
+    if not eligible:
+        names = ", ".join([*constraints.fix, *constraints.free, *constraints.tie])
+        raise InputError(f"no model that 'auto' tries has the parameters {names}: name the model with --model.")
+    trials, verdicts = [], {}
+    best: _Trial | None = None
+    for expression in eligible:
+        progress(f"trying {expression}")
+        problem = specify(expression, constraints, channels=capture.channels, relative=capture.relative).problem
+        errors = np.empty(len(parts))
+        for fold in range(min(_FOLDS, len(parts))):
+            left = range(fold, len(parts), _FOLDS)
+            solution = fit_batches(problem, [part for k, part in enumerate(parts) if k not in left])
+            linearisation = Linearisation(solution.problem, solution.unknowns, derivatives=False)
+            for k in left:
+                errors[k] = _error(linearisation, parts[k])
+        trial = _Trial(expression, errors)
+        wins, verdicts[expression] = _verdict(trial, best)
+        trials.append(trial)
+        if wins:
+            best = trial
+    assert best is not None
+    unit = "image" if len(samples.images) >= _MIN_IMAGES else "band"
+    candidates = [Candidate(t.expression, t.score, t.score, verdicts[t.expression].format(unit=unit)) for t in trials]
+    return best.expression, candidates
+
+
+def _verdict(trial: _Trial, best: _Trial | None) -> tuple[bool, str]:
+    """Whether a trial replaces the best one so far, and why."""
+    if best is None:
+        return True, "the simplest model tried"
+    gains = best.errors - trial.errors
+    gain, spread = float(gains.mean()), float(gains.std(ddof=1)) / math.sqrt(len(gains))
+    share = 1 - trial.score / best.score if best.score > 0 else 0.0
+    if gain > _STANDARD_ERRORS * spread and share > _LEAST_GAIN:
+        return True, f"predicts {{unit}}s left out better than {best.expression}: error {share:.0%} smaller"
+    if share > 0:
+        return False, f"not clearly better than {best.expression}: error {share:.1%} smaller, within chance"
+    return False, f"predicts {{unit}}s left out no better than {best.expression}"
+
+
+def _error(linearisation: Linearisation, batch: Batch) -> float:
+    with torch.no_grad():
+        predicted = linearisation.radiance(batch)
+        return float((predicted - batch.radiance).square().mean() / batch.radiance.square().mean())
+
+
+def _parts(batches: list[Batch], images: int) -> list[Batch]:
+    """What is left out in turn: whole images or, where there are few of them, horizontal bands of each."""
+    if images >= _MIN_IMAGES:
+        return batches
+    bands = [np.linspace(0, len(batch), _BANDS + 1).astype(int) for batch in batches]
+    return [
+        batch[int(start) : int(end)]
+        for batch, edges in zip(batches, bands, strict=True)
+        for start, end in itertools.pairwise(edges)
+    ]
+
+
+def _has(expression: str, constraints: Constraints) -> bool:
+    declared, _ = model(expression)
+    known = {*declared.declared, *(path.rpartition(".")[2] for path in declared.declared)}
+    return {*constraints.fix, *constraints.free, *constraints.tie, *constraints.tie.values()} <= known

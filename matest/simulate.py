@@ -1,0 +1,287 @@
+"""From a scene file to a capture on disk: what a camera would have photographed."""
+
+from __future__ import annotations
+
+import copy
+import math
+import os
+import re
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import msgspec
+import numpy as np
+import tomli_w
+import torch
+
+from matest.brdf import Brdf, model
+from matest.capture import schema
+from matest.capture.assembly import Folder, build_encoding, build_lights, build_surface, colour
+from matest.capture.capture import capture_file
+from matest.capture.images import read_image, write_image
+from matest.capture.photometry import Encoding, Noise
+from matest.errors import InputError
+from matest.scene import Scene
+from matest.shader import render
+from matest.specification import resolve
+
+# Exposure of integer images whose scale is not given: the brightest pixel at this share of full scale.
+_EXPOSED = 0.9
+_HEADER = "# A simulated capture, written by 'matest render' from {scene}; rendering again replaces it.\n"
+
+
+@dataclass(frozen=True)
+class SceneDescription:
+    """A scene file, read and checked.
+
+    Attributes:
+        file: where it was read from.
+        tables: its content.
+        shape: height and width of the images.
+        channels: of the images: as many as the longest colour in the file.
+        material: the model.
+        scene: geometry and lights at the images' resolution times the supersampling.
+        factor: supersampling: rays per pixel and axis.
+    """
+
+    file: Path
+    tables: schema.SceneFile
+    shape: tuple[int, int]
+    channels: int
+    material: Brdf
+    scene: Scene
+    factor: int
+
+
+def load_scene(path: str | Path) -> SceneDescription:
+    """Read a scene: a folder with a `scene.toml`, or that file.
+
+    Raises:
+        InputError: anything about it that cannot be used, in one sentence.
+    """
+    file = capture_file(path, "scene.toml")
+    tables = schema.read(file, schema.SceneFile)
+    if not tables.image:
+        raise InputError(f"{file}: expected at least one [[image]] with lights; got none.")
+    folder = Folder(file.parent, file.parent.absolute())
+    material = _material(tables.material, str(file))
+    channels = _channels(tables, material, str(file))
+    shape = _shape(tables, folder, str(file))
+    factor = tables.camera.supersampling if tables.camera else 1
+    if not 1 <= factor <= 16 or (factor > 1 and tables.geometry.normals):
+        raise InputError(f"{file}: camera.supersampling must be 1 to 16, and 1 with a normal map; got {factor}.")
+    fine = _enlarged(tables, factor)
+    surface = build_surface(fine, folder, (shape[0] * factor, shape[1] * factor), str(file))
+    label = f"{file}: image {{}}".format
+    lit = [build_lights(image, channels, label(k))[0] for k, image in enumerate(tables.image)]
+    ambient = [colour(image.ambient, channels, label(k) + ": ambient") for k, image in enumerate(tables.image)]
+    scene = Scene(surface, tuple(lit), torch.stack(ambient)).with_shadows()
+    return SceneDescription(file, tables, shape, channels, material, scene, factor)
+
+
+def radiance(description: SceneDescription) -> np.ndarray:
+    """Noise-free radiance [K, H, W, C], float64, averaged over each pixel where the scene asks for supersampling."""
+    images = render(description.scene, description.material, dtype=torch.float64).detach().numpy()
+    factor = description.factor
+    count, height, width, channels = images.shape
+    return images.reshape(count, height // factor, factor, width // factor, factor, channels).mean(axis=(2, 4))
+
+
+def simulate(
+    path: str | Path, out: str | Path | None = None, progress: Callable[[int, int], None] = lambda *_: None
+) -> Path:
+    """Render a scene file to a capture folder that `matest.load_capture` reads.
+
+    Writes the images (PNG of `noise.bits`, otherwise EXR), `mask.png`, `normals.exr`, the mesh and `capture.toml`.
+    The same scene gives the same pixels every time.
+
+    Args:
+        path: scene file or its folder.
+        out: the capture's folder; default: the scene's own.
+        progress: called with the number of images written and their total.
+
+    Raises:
+        InputError: a bad scene, or a folder whose capture was not made by rendering.
+    """
+    description = load_scene(path)
+    tables, file = description.tables, description.file
+    folder = Path(out) if out is not None else file.parent
+    target = folder / "capture.toml"
+    if target.exists() and not target.read_text("utf-8").startswith(_HEADER.split("{")[0]):
+        raise InputError(f"{target}: exists and was not written by 'matest render'; give another folder with -o.")
+    images = radiance(description)
+    bits = tables.noise.bits if tables.noise else None
+    encoding = _encoding(tables, description, images, integer=bits is not None)
+    noise = Noise(tables.noise.read, tables.noise.gain) if tables.noise else Noise(0.0, 0.0)
+    generator = np.random.Generator(np.random.Philox(tables.noise.seed if tables.noise else 0))
+    folder.mkdir(parents=True, exist_ok=True)
+    names = []
+    for number, (image, table) in enumerate(zip(images, tables.image, strict=True)):
+        pixels = _expose(image, table.exposure, encoding, noise, generator)
+        name = table.file or f"{number:02d}.{'png' if bits else 'exr'}"
+        _replace(folder / name, _stored(pixels, encoding, bits))
+        names.append(name)
+        progress(number + 1, len(images))
+    _write_geometry(description, folder)
+    text = _HEADER.format(scene=file.name) + _toml(_capture_table(description, encoding, names))
+    temporary = target.with_suffix(".toml.part")
+    temporary.write_text(text, "utf-8")
+    os.replace(temporary, target)
+    return folder
+
+
+def _material(table: dict[str, Any], label: str) -> Brdf:
+    """The model of a [material] table: parameters by name, by path, or in a table per component."""
+    values = dict(table)
+    expression = values.pop("model", None)
+    if not isinstance(expression, str):
+        raise InputError(f"{label}: [material] needs model = \"NAME\"; 'matest models' lists the names.")
+    try:
+        brdf, fixed = model(expression)
+        flat: dict[str, Any] = dict(fixed)
+        for key, value in values.items():
+            parts = value.items() if isinstance(value, dict) else [(None, value)]
+            for inner, number in parts:
+                flat[resolve(brdf, key if inner is None else f"{key}.{inner}")] = number
+        return brdf.replace(flat)
+    except InputError as error:
+        raise InputError(f"{label}: [material]: {error}") from None
+
+
+def _channels(tables: schema.SceneFile, material: Brdf, label: str) -> int:
+    colours: list[Any] = [image.ambient for image in tables.image]
+    colours += [
+        c for i in tables.image for light in i.lights for c in (light.irradiance, light.intensity, light.radiance)
+    ]
+    lengths = {len(c) for c in colours if isinstance(c, list)}
+    lengths |= {len(value) for value in material.parameters.values() if value.ndim}
+    lengths -= {1}
+    if not lengths <= {3}:
+        raise InputError(
+            f"{label}: colours must have 3 values (linear RGB) or be one number; got {sorted(lengths)} values."
+        )
+    return 3 if lengths else 1
+
+
+def _shape(tables: schema.SceneFile, folder: Folder, label: str) -> tuple[int, int]:
+    if tables.camera is not None and tables.camera.resolution is not None:
+        width, height = tables.camera.resolution
+        if not (0 < width <= 16384 and 0 < height <= 16384):
+            raise InputError(f"{label}: camera.resolution must be width and height in pixels; got [{width}, {height}].")
+        return height, width
+    for reference, key in ((tables.geometry.normals, "geometry.normals"), (tables.mask, "mask")):
+        if reference is not None:
+            return read_image(folder.file(reference, key)).shape[:2]
+    raise InputError(f"{label}: say how large the images are: resolution = [width, height] in [camera].")
+
+
+def _enlarged(tables: schema.SceneFile, factor: int) -> schema.SceneFile:
+    """The same scene with everything that is measured in pixels `factor` times as large; the mask is left to it."""
+    fine = copy.deepcopy(tables)
+    if factor == 1:
+        return fine
+    fine.mask = None
+    if fine.geometry.centre is not None and fine.geometry.radius is not None:
+        fine.geometry.centre = (fine.geometry.centre[0] * factor, fine.geometry.centre[1] * factor)
+        fine.geometry.radius *= factor
+    if fine.camera is not None and fine.camera.matrix is not None:
+        matrix = np.array(fine.camera.matrix)
+        matrix[:2] *= factor
+        fine.camera.matrix = tuple(tuple(row) for row in matrix.tolist())  # type: ignore[assignment]
+    return fine
+
+
+def _encoding(
+    tables: schema.SceneFile, description: SceneDescription, images: np.ndarray, *, integer: bool
+) -> Encoding:
+    table = msgspec.structs.replace(tables.encoding, transfer=tables.encoding.transfer or "linear")
+    if table.flat is not None or isinstance(table.black, str):
+        raise InputError(
+            f"{description.file}: a simulated camera has no flat field or dark frame; use a number for black."
+        )
+    if table.scale is None and integer:
+        exposures = np.array([image.exposure for image in tables.image])
+        peak = float((images.max(axis=(1, 2, 3)) * exposures).max())
+        # Two digits are enough, and leave the file readable.
+        step = 10 ** math.floor(math.log10(peak / _EXPOSED)) / 10 if peak > 0 else 1.0
+        table.scale = float(f"{math.ceil(peak / _EXPOSED / step) * step:.6g}")
+    folder = Folder(description.file.parent, description.file.parent.absolute())
+    return build_encoding(table, folder, description.scene.surface, integer, str(description.file), None)
+
+
+def _expose(
+    image: np.ndarray, exposure: float, encoding: Encoding, noise: Noise, generator: np.random.Generator
+) -> np.ndarray:
+    """Linear fractions of full scale, black level and noise included."""
+    signal = image * exposure / encoding.scale
+    spread = np.sqrt(noise.read**2 + noise.gain * signal)
+    return signal + encoding.black + spread * generator.standard_normal(signal.shape)
+
+
+def _stored(pixels: np.ndarray, encoding: Encoding, bits: int | None) -> np.ndarray:
+    if bits is None:
+        return (pixels if encoding.transfer == "linear" else encoding.encoded(pixels)).astype(np.float32)
+    full = 2**bits - 1
+    codes = np.round(encoding.encoded(pixels).clip(0, 1) * full)
+    return codes.astype(np.uint8 if bits == 8 else np.uint16)
+
+
+def _write_geometry(description: SceneDescription, folder: Path) -> None:
+    """Mask (share of the pixel that is object), normals, and the files the geometry refers to."""
+    surface, factor = description.scene.surface, description.factor
+    height, width = description.shape
+    coverage = surface.mask.reshape(height, factor, width, factor).mean(axis=(1, 3))
+    _replace(folder / "mask.png", np.ceil(coverage * 255).astype(np.uint8))
+    normals = surface.image(surface.normals.numpy())
+    mean = cv2.resize(normals, (width, height), interpolation=cv2.INTER_AREA) if factor > 1 else normals
+    length = np.linalg.norm(mean, axis=-1, keepdims=True)
+    _replace(folder / "normals.exr", mean / np.maximum(length, 1e-12))
+    for reference in (description.tables.geometry.mesh, description.tables.geometry.positions):
+        if reference is not None and folder.resolve() != description.file.parent.resolve():
+            (folder / reference).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(description.file.parent / reference, folder / reference)
+
+
+def _capture_table(description: SceneDescription, encoding: Encoding, names: list[str]) -> dict[str, Any]:
+    """The capture file of a rendered scene: the scene's own tables, and what rendering decided."""
+    tables = description.tables
+    out: dict[str, Any] = {"mask": "mask.png", "geometry": _given(tables.geometry)}
+    if tables.geometry.normals is not None:
+        out["geometry"]["normals"] = "normals.exr"
+    if tables.camera is not None:
+        camera = msgspec.to_builtins(tables.camera)
+        left = ("resolution", "supersampling")
+        out["camera"] = {key: value for key, value in camera.items() if value not in (None, []) and key not in left}
+    out["encoding"] = _given(tables.encoding) | {"transfer": encoding.transfer, "scale": encoding.scale}
+    if tables.noise is not None and (tables.noise.read or tables.noise.gain):
+        out["noise"] = {"read": tables.noise.read, "gain": tables.noise.gain}
+    out["image"] = [_given(image) | {"file": name} for image, name in zip(tables.image, names, strict=True)]
+    return out
+
+
+def _toml(content: dict[str, Any]) -> str:
+    """TOML with every list of numbers on one line."""
+    text = tomli_w.dumps(content)
+    return re.sub(r"\[\n((?:\s+[-+.\w]+,\n)+)\s*\]", lambda m: f"[{' '.join(m[1].split()).rstrip(',')}]", text)
+
+
+def _given(table: msgspec.Struct) -> dict[str, Any]:
+    """The keys of a table that differ from their defaults, as plain values."""
+    defaults = {f.name: f.default for f in msgspec.structs.fields(table)}
+    plain = msgspec.to_builtins(table)
+    return {
+        key: [_given(entry) for entry in getattr(table, key)] if key == "lights" else value
+        for key, value in plain.items()
+        if value is not None and value != defaults[key]
+    }
+
+
+def _replace(path: Path, image: np.ndarray) -> None:
+    """Write an image whole or not at all."""
+    temporary = path.with_name(f".part-{path.name}")
+    write_image(temporary, image)
+    os.replace(temporary, path)

@@ -1,0 +1,123 @@
+"""What to estimate: from a model expression and --fix, --free, --tie to a problem."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import torch
+from torch import Tensor
+
+from matest.brdf import Brdf, Sum, model
+from matest.errors import InputError, nearest
+from matest.estimators import Problem
+
+Value = float | Sequence[float]
+
+
+@dataclass(frozen=True)
+class Constraints:
+    """What the user says of parameters, by name or path.
+
+    Attributes:
+        fix: values that are not estimated.
+        free: parameters estimated although they are held by default.
+        tie: dependent -> the parameter whose value it takes.
+    """
+
+    fix: Mapping[str, Value] = field(default_factory=dict)
+    free: Sequence[str] = ()
+    tie: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Specification:
+    """A problem, and which of its held parameters are held only by default.
+
+    Attributes:
+        problem: ready to be solved.
+        default_held: parameters that would be estimated if the capture determined them.
+        unused: names of the constraints that this model has no parameter for.
+    """
+
+    problem: Problem
+    default_held: tuple[str, ...]
+
+
+def specify(expression: str, constraints: Constraints, *, channels: int, relative: bool) -> Specification:
+    """The problem that an expression and constraints describe, for images of `channels` channels.
+
+    Raises:
+        InputError: an unknown model or parameter, a value outside its domain, a tie that makes no sense.
+    """
+    brdf, bracketed = model(expression)
+    fixed = {name: _value(brdf, name, value, channels) for name, value in bracketed.items()}
+    for name, value in constraints.fix.items():
+        path = resolve(brdf, name)
+        fixed[path] = _value(brdf, path, value, channels)
+    freed = {resolve(brdf, name) for name in constraints.free}
+    ties = {resolve(brdf, name): resolve(brdf, source) for name, source in constraints.tie.items()}
+    for name, source in ties.items():
+        if name == source or source in ties or name in fixed or name in freed:
+            raise InputError(
+                f"--tie {name}={source}: a tied parameter takes another's value; free or fix only that one."
+            )
+    if clash := freed & set(fixed):
+        raise InputError(f"{', '.join(sorted(clash))} cannot be both fixed and free; give one of --fix and --free.")
+
+    held: dict[str, Tensor] = dict(fixed)
+    default_held = []
+    for name, declared in brdf.declared.items():
+        if name in fixed or name in freed or name in ties:
+            continue
+        if declared.gauge and not relative:
+            held[name] = torch.tensor(1.0, dtype=torch.float64)
+        elif _beside_body(brdf, name):
+            held[name] = torch.tensor(0.0, dtype=torch.float64)
+        elif declared.held is not None:
+            held[name] = torch.tensor(declared.held, dtype=torch.float64)
+            default_held.append(name)
+    free = tuple(name for name in brdf.declared if name not in held and name not in ties)
+    return Specification(Problem(brdf, channels, free, held, ties, relative), tuple(default_held))
+
+
+def freed(specification: Specification, names: Sequence[str]) -> Specification:
+    """The same specification with some held parameters estimated."""
+    problem = specification.problem
+    held = {name: value for name, value in problem.held.items() if name not in names}
+    free = tuple(name for name in problem.brdf.declared if name in problem.free or name in names)
+    return Specification(
+        replace(problem, free=free, held=held),
+        tuple(name for name in specification.default_held if name not in names),
+    )
+
+
+def resolve(brdf: Brdf, name: str) -> str:
+    """The path of a parameter given by path, or by bare name where only one component has it.
+
+    Raises:
+        InputError: no such parameter, or several.
+    """
+    known = brdf.declared
+    if name in known:
+        return name
+    paths = [path for path in known if path.rpartition(".")[2] == name]
+    if len(paths) == 1:
+        return paths[0]
+    if paths:
+        raise InputError(f"'{name}' is ambiguous in the model '{brdf.expression}': write one of {', '.join(paths)}.")
+    raise InputError(f"the model '{brdf.expression}' has no parameter '{name}'; {nearest(name, known)}")
+
+
+def _beside_body(brdf: Brdf, name: str) -> bool:
+    """A `diffuse` part beside another diffuse model is left out: the two could not be told apart."""
+    others = brdf.components if isinstance(brdf, Sum) else ()
+    return name.endswith(".diffuse") and any(component.body for component in others)
+
+
+def _value(brdf: Brdf, name: str, value: Value, channels: int) -> Tensor:
+    tensor = torch.as_tensor(value, dtype=torch.float64)
+    if tensor.ndim > 1 or (tensor.ndim == 1 and len(tensor) != channels):
+        raise InputError(f"{name} takes one value or {channels} (one per channel of the images); got {value}.")
+    brdf.replace({name: tensor.tolist()})  # checks the domain
+    return tensor
