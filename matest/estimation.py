@@ -15,7 +15,7 @@ from matest.brdf import Brdf, Sum
 from matest.capture import Capture, Samples
 from matest.capture.samples import MIN_IMAGE_CLUSTERS
 from matest.errors import InputError
-from matest.estimators import Solution, accumulate, at_bound, bounded_step, fit
+from matest.estimators import Solution, accumulate, all_tiles, at_bound, bounded_step, fit
 from matest.result import Candidate, Estimate, Fit, ParameterEstimate
 from matest.selection import select
 from matest.shader import render
@@ -107,7 +107,7 @@ def estimate(
         fit=outcome,
         relative=capture.relative,
         candidates=candidates,
-        skipped=_skipped(samples, statistics.total("samples"), specification, material),
+        skipped=_skipped(samples, specification, material),
         timing_s={**capture.timing, "fit": fit_s},
         holdout=left_out,
         warnings=_warnings(capture, specification, solution, parameters, uncertainty),
@@ -130,7 +130,7 @@ def image_errors(capture: Capture, material: Brdf, images: Sequence[int]) -> lis
     errors = []
     for image in images:
         nothing = torch.zeros(0, dtype=torch.float64)
-        statistics = accumulate(problem, nothing, capture.samples([image]).tiles(), nothing)
+        statistics = accumulate(problem, nothing, all_tiles(capture.samples([image])), nothing)
         errors.append(_relative(statistics.total("squared_residual"), statistics.total("squared_signal")))
     return errors
 
@@ -195,7 +195,7 @@ def _worth_freeing(specification: Specification, solution: Solution, samples: Sa
     wider = freed(specification, names).problem
     values = solution.problem.values(solution.unknowns)
     unknowns = torch.cat([torch.atleast_1d(values[name]).expand(wider.count(name)) for name in wider.free])
-    statistics = accumulate(wider, unknowns, samples.tiles(), unknowns)
+    statistics = accumulate(wider, unknowns, all_tiles(samples), unknowns)
     covariance = fisher(statistics.information / statistics.misfit, torch.ones(wider.size, dtype=torch.bool))
     chosen = []
     for name in names:
@@ -301,9 +301,7 @@ def _message(solution: Solution, uncertainty: _Uncertainty) -> str:
     )
 
 
-def _skipped(samples: Samples, used: float, specification: Specification, material: Brdf) -> dict:
-    counts = samples.skipped
-    counts["clipped"] = len(samples) - int(used)
+def _skipped(samples: Samples, specification: Specification, material: Brdf) -> dict:
     work = []
     scene = samples.capture.scene
     if scene.surface.mesh is not None and scene.surface.mesh.convex:
@@ -315,7 +313,7 @@ def _skipped(samples: Samples, used: float, specification: Specification, materi
     for name in specification.problem.held:
         if name.endswith("diffuse") and isinstance(material, Sum) and float(specification.problem.held[name]) == 0:
             work.append(f"{name}: another component is the diffuse one")
-    return {"components": [], "samples": counts, "work": work}
+    return {"components": [], "samples": samples.skipped, "work": work}
 
 
 def _warnings(

@@ -23,13 +23,10 @@ def photometric(rendered: Tensor, measured: Tensor, weight: Tensor | None = None
 def likelihood(rendered: Tensor, batch: Batch) -> Tensor:
     """Mean negative log-likelihood of a batch under its camera's noise (Gaussian, variance = read² + gain·signal).
 
-    The signal in the variance is the rendered one. Constants are left out. Samples whose rendered radiance the sensor
-    would clip do not count.
+    The signal in the variance is the rendered one. Constants are left out.
     """
-    valid = batch.weight(rendered.detach()) > 0
     variance = batch.variance(rendered)
-    cost = 0.5 * ((batch.radiance - rendered).square() / variance + torch.log(variance))
-    return torch.where(valid, cost, torch.zeros_like(cost)).sum() / valid.sum().clamp(min=1)
+    return 0.5 * ((batch.radiance - rendered).square() / variance + torch.log(variance)).mean()
 
 
 def structural(rendered: Tensor, measured: Tensor, window: int = 11) -> Tensor:

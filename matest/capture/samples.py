@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
+import cv2
 import numpy as np
 import torch
 from torch import Tensor
@@ -18,21 +19,18 @@ if TYPE_CHECKING:
     from matest.capture.capture import Capture
 
 TILE = 16_384
-# A pixel counts only where the model is this many standard deviations from clipping: chosen by the noisy pixel
-# itself, what is left over would be biased.
-_CLIP_MARGIN = 4.0
+# A pixel counts only where its surroundings are this many standard deviations from clipping.
+_CLIP_MARGIN = 3.0
 # Fewer images than this: clusters are blocks of pixels, _BLOCKS × _BLOCKS an image.
 MIN_IMAGE_CLUSTERS = 4
 _BLOCKS = 4
 
 
 class Readout(NamedTuple):
-    """Noise and range of an image in radiance: variance = read + gain·radiance between `lowest` and `highest`."""
+    """Noise of an image in radiance: variance = read + gain·radiance; tensors [1 or n, 1]."""
 
     read: Tensor
     gain: Tensor
-    lowest: Tensor
-    highest: Tensor
 
 
 @dataclass(frozen=True)
@@ -42,7 +40,7 @@ class Batch:
     Attributes:
         points: geometry and light.
         radiance: measured, [n, C].
-        readout: noise and range; tensors [1 or n, 1].
+        readout: noise of the pixels.
         cluster: label of the part of the capture whose errors may be correlated (None when mixed).
     """
 
@@ -64,16 +62,15 @@ class Batch:
         return self.readout.read + self.readout.gain * radiance.clamp(min=0)
 
     def weight(self, radiance: Tensor) -> Tensor:
-        """Inverse variance at the model's `radiance` [n, C]; 0 where the sensor would clip it."""
-        inside = (radiance >= self.readout.lowest) & (radiance <= self.readout.highest)
-        return inside / self.variance(radiance)
+        """Inverse variance of a pixel of this true `radiance` [n, C]."""
+        return 1 / self.variance(radiance)
 
 
 class Samples:
     """Samples of some images of a capture.
 
-    Left out, and counted in `skipped`: background, shadowed (attached and cast, with the edge of cast shadows),
-    saturated (in any channel), rim (pixels that may mix object and background).
+    Left out, and counted in `skipped`: background, shadowed (attached and cast, with the edge of cast shadows, and
+    too dark for the sensor), saturated (in any channel), rim (pixels that may mix object and background).
     """
 
     def __init__(
@@ -95,12 +92,12 @@ class Samples:
             usable = ~surface.rim
             skipped["background"] += surface.shape[0] * surface.shape[1] - len(surface)
             skipped["rim"] += int(surface.rim.sum())
-            dark = usable & ~self._lit(image)
+            below, above = self._clipped(image)
+            dark = usable & (below | ~self._lit(image))
             usable &= ~dark
             skipped["shadowed"] += int(dark.sum())
-            saturated = usable & self.capture.encoding.saturated(self.capture.stored[image]).any(axis=1)
-            usable &= ~saturated
-            skipped["saturated"] += int(saturated.sum())
+            skipped["saturated"] += int((usable & above).sum())
+            usable &= ~above
             kept.append(np.flatnonzero(usable).astype(np.int32))
         return kept, skipped
 
@@ -116,6 +113,28 @@ class Samples:
             lit |= faces if shadows is None else faces & ~shadows[number]
         edge = scene.shadow_edge[image] if scene.shadow_edge else None
         return lit if edge is None else lit & ~edge
+
+    def _clipped(self, image: int) -> tuple[np.ndarray, np.ndarray]:
+        """True where the sensor cuts off noise at its lower or upper end in any channel [N] each.
+
+        Judged by the mean of 3×3 pixels: chosen by the noisy pixel itself, what is left over would be biased.
+        """
+        capture = self.capture
+        encoding, noise, stored = capture.encoding, capture.noise, capture.stored[image]
+        surface = capture.scene.surface
+        below = np.zeros(len(surface), dtype=bool)
+        above = np.asarray(encoding.saturated(stored).any(axis=1))
+        if stored.dtype.kind != "u":
+            return below, above
+        signal = surface.image(encoding.signal(stored, slice(None)))
+        mean = cv2.blur(signal, (3, 3)).reshape(signal.shape).reshape(-1, signal.shape[2])[surface.pixels]
+        black = encoding.black if isinstance(encoding.black, float) else 0.0
+        below = (mean < _CLIP_MARGIN * noise.read - black).any(axis=1)
+        if encoding.saturation is not None:
+            top = float(encoding.linear(np.array(encoding.saturation))) - black
+            spread = float(np.sqrt(noise.read**2 + noise.gain * max(top, 0.0)))
+            above |= (mean > top - _CLIP_MARGIN * spread).any(axis=1)
+        return below, above
 
     @property
     def skipped(self) -> dict[str, int]:
@@ -141,24 +160,22 @@ class Samples:
 
     def _readout(self, image: int) -> Readout:
         capture = self.capture
-        encoding, noise = capture.encoding, capture.noise
-        scale = encoding.scale / capture.exposures[image]
-        lowest, highest = -np.inf, np.inf
-        if capture.stored[image].dtype.kind == "u":
-            black = encoding.black if isinstance(encoding.black, float) else 0.0
-            lowest = (_CLIP_MARGIN * noise.read - black) * scale
-        if encoding.saturation is not None:
-            top = float(encoding.linear(np.array(encoding.saturation)))
-            highest = (top - _CLIP_MARGIN * np.sqrt(noise.read**2 + noise.gain * top)) * scale
-        values = ((noise.read * scale) ** 2, noise.gain * scale, lowest, highest)
+        scale = capture.encoding.scale / capture.exposures[image]
+        values = ((capture.noise.read * scale) ** 2, capture.noise.gain * scale)
         return Readout(*(torch.full((1, 1), value, dtype=self.dtype, device=self.device) for value in values))
 
     def tiles(self, size: int = TILE) -> Iterator[Batch]:
         """All samples in tiles that fit the processor's cache, each of one image and one cluster."""
-        for position, image in enumerate(self.images):
-            for cluster, index in self._clusters(position):
-                for start in range(0, len(index), size):
-                    yield self.at(image, index[start : start + size], cluster)
+        return (self.at(*piece) for piece in self.pieces(size))
+
+    def pieces(self, size: int = TILE) -> list[tuple[int, np.ndarray, int]]:
+        """The same tiles before anything is computed: arguments of `at`, for workers to fetch."""
+        return [
+            (image, index[start : start + size], cluster)
+            for position, image in enumerate(self.images)
+            for cluster, index in self._clusters(position)
+            for start in range(0, len(index), size)
+        ]
 
     def _clusters(self, position: int) -> list[tuple[int, np.ndarray]]:
         index = self.indices(position)

@@ -1,6 +1,6 @@
 """Solvers: from samples to the parameters of a uniform material."""
 
-from matest.estimators.fit import fit, fit_batches
+from matest.estimators.fit import all_tiles, fit, fit_batches
 from matest.estimators.levenberg_marquardt import Solution, at_bound, bounded_step
 from matest.estimators.linearise import Linearisation, Statistics, accumulate
 from matest.estimators.pilot import pilot
@@ -12,6 +12,7 @@ __all__ = [
     "Solution",
     "Statistics",
     "accumulate",
+    "all_tiles",
     "at_bound",
     "bounded_step",
     "fit",

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import torch
 
 from matest.capture import Batch, Samples
 from matest.estimators.levenberg_marquardt import Solution, minimise
-from matest.estimators.linearise import Statistics, accumulate
+from matest.estimators.linearise import Statistics, accumulate, single_threaded_torch
 from matest.estimators.pilot import pilot
 from matest.estimators.problem import Problem
 from matest.estimators.search import search
@@ -24,11 +25,13 @@ def fit_batches(problem: Problem, batches: list[Batch]) -> Solution:
     """The global optimum on a few thousand samples held in memory: no initial guess is asked for."""
     total = sum(len(batch) for batch in batches)
     thinned = [batch[:: max(total // _SEARCH, 1)] for batch in batches]
-    found = search(problem, thinned)
+    with single_threaded_torch():
+        found = search(problem, thinned)
+    tiles = [partial(_itself, batch) for batch in batches]
 
     def descend(start: torch.Tensor, reference: torch.Tensor | None) -> Solution:
         def evaluate(unknowns: torch.Tensor) -> Statistics:
-            return accumulate(found.problem, unknowns, batches, reference)
+            return accumulate(found.problem, unknowns, tiles, reference)
 
         return minimise(found.problem, start, evaluate, passes=_PILOT_PASSES, tolerance=0.01)
 
@@ -48,9 +51,19 @@ def fit(problem: Problem, samples: Samples, seed: int, progress: Progress = lamb
     progress("searching")
     found = fit_batches(problem, pilot(samples, _PILOT, seed))
     start = found.unknowns
+    tiles = all_tiles(samples)
 
     def evaluate(unknowns: torch.Tensor) -> Statistics:
         progress("refining over all samples")
-        return accumulate(found.problem, unknowns, samples.tiles(), start)
+        return accumulate(found.problem, unknowns, tiles, start)
 
     return minimise(found.problem, start, evaluate, passes=_FULL_PASSES, tolerance=0.03)
+
+
+def all_tiles(samples: Samples) -> list[Callable[[], Batch]]:
+    """Every sample, tile by tile, computed when a worker asks for it."""
+    return [partial(samples.at, *piece) for piece in samples.pieces()]
+
+
+def _itself(batch: Batch) -> Batch:
+    return batch

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, field, fields
 
 import torch
 from torch import Tensor
@@ -157,21 +160,37 @@ def _derivative(values: dict[str, Tensor], ties: object, factors: tuple[str, ...
     return total
 
 
-@dataclass
+@dataclass(frozen=True)
 class Sums:
-    """Additive statistics of one cluster: JᵀWJ, JᵀWr, rᵀWr and counts, double precision."""
+    """Additive statistics of some samples: JᵀWJ [P, P], JᵀWr [P], rᵀWr and counts, double precision."""
 
     information: Tensor
     gradient: Tensor
-    chi2: float = 0.0
-    values: int = 0
-    squared_residual: float = 0.0
-    squared_signal: float = 0.0
-    samples: int = 0
+    chi2: float
+    values: int
+    squared_residual: float
+    squared_signal: float
+    samples: int
 
     @classmethod
-    def zero(cls, size: int) -> Sums:
-        return cls(torch.zeros(size, size, dtype=torch.float64), torch.zeros(size, dtype=torch.float64))
+    def of(cls, signal: Tensor, weight: Tensor, residual: Tensor, jacobian: Tensor, selectors: Tensor) -> Sums:
+        """Statistics of a tile: signal, weight and residual [n, C], Jacobian [Q, n, C], selectors [C, Q, P]."""
+        columns = jacobian.permute(2, 0, 1)
+        weighted = columns * weight.T[:, None]
+        normal = (weighted @ columns.mT).double().cpu()
+        slope = (weighted @ residual.T[..., None]).double().cpu()
+        return cls(
+            information=(selectors.mT @ normal @ selectors).sum(0),
+            gradient=(selectors.mT @ slope).sum(0)[:, 0],
+            chi2=float((weight * residual.square()).sum(dtype=torch.float64)),
+            values=residual.numel(),
+            squared_residual=float(residual.square().sum(dtype=torch.float64)),
+            squared_signal=float(signal.square().sum(dtype=torch.float64)),
+            samples=len(signal),
+        )
+
+    def __add__(self, other: Sums) -> Sums:
+        return Sums(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
 
 
 @dataclass
@@ -179,22 +198,6 @@ class Statistics:
     """Statistics of a pass over samples, cluster by cluster."""
 
     clusters: dict[int, Sums] = field(default_factory=dict)
-
-    def add(self, batch: Batch, weight: Tensor, residual: Tensor, jacobian: Tensor, selectors: Tensor) -> None:
-        """Add a tile: weight and residual [n, C], Jacobian [Q, n, C], selectors [C, Q, P]."""
-        size = selectors.shape[-1]
-        sums = self.clusters.setdefault(batch.cluster or 0, Sums.zero(size))
-        for channel, selector in enumerate(selectors):
-            columns = jacobian[:, :, channel]
-            weighted = columns * weight[:, channel]
-            sums.information += selector.T @ (weighted @ columns.T).double().cpu() @ selector
-            sums.gradient += selector.T @ (weighted @ residual[:, channel]).double().cpu()
-        used = weight > 0
-        sums.chi2 += float((weight * residual.square()).sum(dtype=torch.float64))
-        sums.values += int(used.sum())
-        sums.squared_residual += float((used * residual.square()).sum(dtype=torch.float64))
-        sums.squared_signal += float((used * batch.radiance.square()).sum(dtype=torch.float64))
-        sums.samples += int(used.any(1).sum())
 
     def total(self, name: str) -> float:
         return sum(getattr(sums, name) for sums in self.clusters.values())
@@ -213,24 +216,60 @@ class Statistics:
         return torch.stack([sums.gradient for sums in self.clusters.values()]).sum(0)
 
 
-def accumulate(problem: Problem, unknowns: Tensor, batches: Iterable[Batch], reference: Tensor | None) -> Statistics:
+def accumulate(
+    problem: Problem,
+    unknowns: Tensor,
+    tiles: Sequence[Callable[[], Batch]],
+    reference: Tensor | None,
+) -> Statistics:
     """One pass: the additive statistics at `unknowns`.
+
+    Tiles are fetched and worked on by one thread per processor, and added up in their order: the result does not
+    depend on the number of threads.
 
     Args:
         problem: what is estimated.
         unknowns: u [P], float64.
-        batches: tiles, each of one cluster.
+        tiles: functions that give a tile each, of one cluster.
         reference: weights follow from the noise at the model's radiance for these unknowns; None: at the measured
             radiance (only a first guess: it favours pixels that noise made dark).
     """
     linearisation = Linearisation(problem, unknowns)
     same = reference is not None and torch.equal(reference, unknowns)
     weighing = None if reference is None or same else Linearisation(problem, reference, derivatives=False)
-    statistics = Statistics()
     selectors = problem.selectors
-    for batch in batches:
+
+    def work(tile: Callable[[], Batch]) -> tuple[int, Sums]:
         with torch.no_grad():
+            batch = tile()
             radiance, jacobian = linearisation.radiance_and_jacobian(batch)
             expected = weighing.radiance(batch) if weighing else radiance if same else batch.radiance
-            statistics.add(batch, batch.weight(expected), batch.radiance - radiance, jacobian, selectors)
+            sums = Sums.of(batch.radiance, batch.weight(expected), batch.radiance - radiance, jacobian, selectors)
+            return batch.cluster or 0, sums
+
+    statistics = Statistics()
+    with single_threaded_torch(), ThreadPoolExecutor(processors()) as pool:
+        for cluster, sums in pool.map(work, tiles):
+            known = statistics.clusters.get(cluster)
+            statistics.clusters[cluster] = sums if known is None else known + sums
     return statistics
+
+
+@contextmanager
+def single_threaded_torch() -> Iterator[None]:
+    """Let every torch call inside run on the calling thread.
+
+    Tiles are too small to be worth splitting: threads that torch starts for one wait for each other more than they
+    compute, and stall altogether beside another busy process.
+    """
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+def processors() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
