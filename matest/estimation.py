@@ -13,18 +13,22 @@ from torch import Tensor
 
 from matest.brdf import Brdf, Sum
 from matest.capture import Capture, Samples
-from matest.capture.samples import MIN_IMAGE_CLUSTERS
+from matest.capture.samples import BLOCKS
 from matest.errors import InputError
-from matest.estimators import Solution, accumulate, all_tiles, at_bound, bounded_step, fit
+from matest.estimators import Problem, Solution, accumulate, all_tiles, at_bound, bounded_step, fit
 from matest.result import Candidate, Estimate, Fit, ParameterEstimate
 from matest.selection import select
 from matest.shader import render
 from matest.specification import Constraints, Specification, Value, freed, specify
-from matest.uncertainty import Covariance, fisher, jackknife, quantile95
+from matest.uncertainty import Covariance, correlation_of_residuals, fisher, jackknife, quantile95
 
 # χ² per value above this says that the model does not hold: stated noise is exact, noise estimated from the pictures
 # is known to some per cent.
 _HOLDS_STATED, _HOLDS_ESTIMATED = 1.03, 1.10
+# Scores of blocks of pixels that scatter this many times as much as independent residuals' do: not independent.
+_CORRELATED = 2.0
+# With fewer images, blocks of pixels serve as clusters.
+_MIN_IMAGES = 4
 # A parameter held by default is freed when its predicted relative error is below this.
 _WORTH_FREEING = 0.25
 # No better known than a value drawn evenly from the domain (its std is width/√12): not determined.
@@ -75,7 +79,8 @@ def estimate(
     determined = _worth_freeing(specification, solution, samples)
     if determined:
         specification = freed(specification, determined)
-        solution = fit(specification.problem, samples, seed, progress)
+        problem = replace(specification.problem, gauge_limit=solution.problem.gauge_limit)
+        solution = fit(problem, samples, seed, progress, _widened(problem, solution))
 
     uncertainty = _uncertainty(solution, capture, len(images))
     material = solution.problem.material(solution.unknowns)
@@ -144,6 +149,7 @@ class _Uncertainty:
         open: the same with them let free: how far inside the domain the truth may lie.
         bound: unknowns at a bound [P].
         chi2: per value.
+        correlation: of residuals over blocks of pixels: 1 if they are independent.
         holds: whether the model describes the images to their noise.
         kind: what the error bars rest on.
     """
@@ -152,6 +158,7 @@ class _Uncertainty:
     open: Covariance
     bound: Tensor
     chi2: float
+    correlation: float
     holds: bool
     kind: str
 
@@ -160,15 +167,19 @@ def _uncertainty(solution: Solution, capture: Capture, images: int) -> _Uncertai
     problem, statistics = solution.problem, solution.statistics
     values = max(statistics.total("values"), 1)
     chi2 = statistics.total("chi2") / values
-    allowed = (_HOLDS_STATED if capture.noise_given else _HOLDS_ESTIMATED) + 5 * math.sqrt(2 / values)
-    holds = chi2 <= allowed
     bound = at_bound(problem, solution.unknowns, statistics.gradient)
     everything = torch.ones_like(bound)
-    if holds or len(statistics.clusters) < 2:
-        information = statistics.information / (1.0 if holds else chi2)
-        return _Uncertainty(fisher(information, ~bound), fisher(information, everything), bound, chi2, holds, "fisher")
-    informations = [sums.information for sums in statistics.clusters.values()]
-    gradients = [sums.gradient for sums in statistics.clusters.values()]
+    scale = max(chi2, 1.0)
+    closed, opened = (fisher(statistics.information / scale, free) for free in (~bound, everything))
+    blocks = [sums.gradient / scale for sums in statistics.clusters.values()]
+    correlation = correlation_of_residuals(blocks, closed)
+    allowed = (_HOLDS_STATED if capture.noise_given else _HOLDS_ESTIMATED) + 5 * math.sqrt(2 / values)
+    holds = chi2 <= allowed and correlation <= _CORRELATED
+    clusters = statistics.grouped(BLOCKS) if images >= _MIN_IMAGES else statistics
+    if holds or len(clusters.clusters) < _MIN_IMAGES:
+        return _Uncertainty(closed, opened, bound, chi2, correlation, holds, "fisher")
+    informations = [sums.information for sums in clusters.clusters.values()]
+    gradients = [sums.gradient for sums in clusters.clusters.values()]
 
     def inside(information: Tensor, gradient: Tensor) -> Tensor:
         return bounded_step(problem, solution.unknowns, information, gradient)
@@ -176,14 +187,14 @@ def _uncertainty(solution: Solution, capture: Capture, images: int) -> _Uncertai
     def anywhere(information: Tensor, gradient: Tensor) -> Tensor:
         return fisher(information, everything).matrix @ gradient
 
-    kind = "jackknife over images" if images >= MIN_IMAGE_CLUSTERS else "jackknife over blocks"
     return _Uncertainty(
         jackknife(informations, gradients, ~bound, inside),
         jackknife(informations, gradients, everything, anywhere),
         bound,
         chi2,
+        correlation,
         holds,
-        kind,
+        "jackknife over images" if images >= _MIN_IMAGES else "jackknife over blocks",
     )
 
 
@@ -193,8 +204,7 @@ def _worth_freeing(specification: Specification, solution: Solution, samples: Sa
     if not names:
         return []
     wider = freed(specification, names).problem
-    values = solution.problem.values(solution.unknowns)
-    unknowns = torch.cat([torch.atleast_1d(values[name]).expand(wider.count(name)) for name in wider.free])
+    unknowns = _widened(wider, solution)
     statistics = accumulate(wider, unknowns, all_tiles(samples), unknowns)
     covariance = fisher(statistics.information / statistics.misfit, torch.ones(wider.size, dtype=torch.bool))
     chosen = []
@@ -204,6 +214,12 @@ def _worth_freeing(specification: Specification, solution: Solution, samples: Sa
         if bool((std < _WORTH_FREEING).all()) and not bool(covariance.undetermined[place].any()):
             chosen.append(name)
     return chosen
+
+
+def _widened(wider: Problem, solution: Solution) -> Tensor:
+    """The unknowns of a problem with more free parameters at the values of a solution."""
+    values = solution.problem.values(solution.unknowns)
+    return torch.cat([torch.atleast_1d(values[name]).expand(wider.count(name)) for name in wider.free])
 
 
 def _parameters(solution: Solution, uncertainty: _Uncertainty) -> dict[str, ParameterEstimate]:
@@ -295,9 +311,13 @@ def _message(solution: Solution, uncertainty: _Uncertainty) -> str:
         return f"Converged; the model describes the images to their noise (χ² per value {uncertainty.chi2:.3g})."
     if uncertainty.kind == "fisher":
         return f"Converged; residuals are {math.sqrt(uncertainty.chi2):.3g} times the noise, error bars scaled by that."
+    reason = f"residuals are {math.sqrt(uncertainty.chi2):.3g} times as large"
+    if uncertainty.correlation > _CORRELATED and uncertainty.chi2 < _HOLDS_ESTIMATED:
+        reason = (
+            f"residuals lean the same way over whole regions, {math.sqrt(uncertainty.correlation):.3g} times chance"
+        )
     return (
-        f"Converged; the model does not hold to the noise (residuals are {math.sqrt(uncertainty.chi2):.3g} times as "
-        f"large), so error bars come from the {uncertainty.kind}."
+        f"Converged; the model does not hold to the noise ({reason}), so error bars come from the {uncertainty.kind}."
     )
 
 

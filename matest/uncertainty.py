@@ -90,6 +90,22 @@ def jackknife(
     return Covariance(matrix, reference.undetermined, degrees=count - 1)
 
 
+def correlation_of_residuals(gradients: Sequence[Tensor], covariance: Covariance) -> float:
+    """How much more the scores JᵀWr of clusters scatter than independent residuals would: 1 if the model holds.
+
+    The mean over parameters of gᵀ A⁻¹ g summed over clusters, A the information: residuals may be as small as the
+    noise and yet lean the same way over whole regions, which moves estimates far more than noise does (the idea of
+    White's information matrix test, 1982).
+
+    Args:
+        gradients: JᵀWr of each cluster [P].
+        covariance: A⁻¹ over the free parameters.
+    """
+    scores = torch.stack(list(gradients))
+    rank = int((covariance.matrix.diagonal() > 0).sum())
+    return float(((scores @ covariance.matrix) * scores).sum()) / max(rank, 1)
+
+
 def quantile95(degrees: float) -> float:
     """Half-width of a 95 % interval in standard errors."""
     if math.isinf(degrees):

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 TILE = 16_384
 # A pixel counts only where its surroundings are this many standard deviations from clipping.
 _CLIP_MARGIN = 3.0
-# Fewer images than this: clusters are blocks of pixels, _BLOCKS × _BLOCKS an image.
-MIN_IMAGE_CLUSTERS = 4
-_BLOCKS = 4
+# Samples are grouped into blocks of pixels, whose errors may be correlated: this many across and down an image.
+_BLOCKS_ACROSS = 4
+BLOCKS = _BLOCKS_ACROSS**2
 
 
 class Readout(NamedTuple):
@@ -41,7 +41,7 @@ class Batch:
         points: geometry and light.
         radiance: measured, [n, C].
         readout: noise of the pixels.
-        cluster: label of the part of the capture whose errors may be correlated (None when mixed).
+        cluster: label of the block of pixels of one image, image · BLOCKS + block (None when mixed).
     """
 
     points: Points
@@ -178,14 +178,17 @@ class Samples:
         ]
 
     def _clusters(self, position: int) -> list[tuple[int, np.ndarray]]:
+        """Blocks of an image: their labels, position · BLOCKS + block, and usable pixels."""
         index = self.indices(position)
-        if len(self.images) >= MIN_IMAGE_CLUSTERS:
-            return [(position, index)]
+        own = self._blocks[index]
+        return [(position * BLOCKS + block, index[own == block]) for block in range(BLOCKS) if (own == block).any()]
+
+    @cached_property
+    def _blocks(self) -> np.ndarray:
+        """The block of the object's bounding box that each pixel of the surface lies in [N]."""
         surface = self.capture.scene.surface
         rows, columns = np.divmod(surface.pixels, surface.shape[1])
-        cells = _cell(rows) * _BLOCKS + _cell(columns)
-        own = cells[index]
-        return [(position * _BLOCKS**2 + cell, index[own == cell]) for cell in range(_BLOCKS**2) if (own == cell).any()]
+        return _cell(rows) * _BLOCKS_ACROSS + _cell(columns)
 
     def batches(self, size: int, *, shuffle: bool = False, seed: int = 0) -> Iterator[Batch]:
         """Mini-batches for a training loop of one's own; with `shuffle`, drawn over all images without replacement.
@@ -213,9 +216,9 @@ class Samples:
 
 
 def _cell(coordinate: np.ndarray) -> np.ndarray:
-    """Which of `_BLOCKS` equal stretches of the object each coordinate falls into."""
+    """Which of `_BLOCKS_ACROSS` equal stretches of the object each coordinate falls into."""
     low, span = coordinate.min(), np.ptp(coordinate) + 1
-    return (coordinate - low) * _BLOCKS // span
+    return (coordinate - low) * _BLOCKS_ACROSS // span
 
 
 def _join(parts: list[Batch]) -> Batch:

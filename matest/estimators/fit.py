@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-import torch
+from torch import Tensor
 
 from matest.capture import Batch, Samples
 from matest.estimators.levenberg_marquardt import Solution, minimise
@@ -21,43 +21,63 @@ _PILOT_PASSES, _FULL_PASSES = 60, 20
 Progress = Callable[[str], None]
 
 
-def fit_batches(problem: Problem, batches: list[Batch]) -> Solution:
-    """The global optimum on a few thousand samples held in memory: no initial guess is asked for."""
-    total = sum(len(batch) for batch in batches)
-    thinned = [batch[:: max(total // _SEARCH, 1)] for batch in batches]
-    with single_threaded_torch():
-        found = search(problem, thinned)
+def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = None) -> Solution:
+    """The optimum on a few thousand samples held in memory.
+
+    Args:
+        problem: what is estimated.
+        batches: the samples.
+        start: u [P] near the optimum; None: searched for globally, no initial guess is needed.
+    """
     tiles = [partial(_itself, batch) for batch in batches]
+    starts = [] if start is None else [start]
+    if start is None:
+        total = sum(len(batch) for batch in batches)
+        with single_threaded_torch():
+            found = search(problem, [batch[:: max(total // _SEARCH, 1)] for batch in batches])
+        problem, starts = found.problem, found.starts()
 
-    def descend(start: torch.Tensor, reference: torch.Tensor | None) -> Solution:
-        def evaluate(unknowns: torch.Tensor) -> Statistics:
-            return accumulate(found.problem, unknowns, tiles, reference)
+    def descend(start: Tensor, reference: Tensor | None) -> Solution:
+        def evaluate(unknowns: Tensor) -> Statistics:
+            return accumulate(problem, unknowns, tiles, reference)
 
-        return minimise(found.problem, start, evaluate, passes=_PILOT_PASSES, tolerance=0.01)
+        return minimise(problem, start, evaluate, passes=_PILOT_PASSES, tolerance=0.01)
 
-    solutions = [descend(start, None) for start in found.starts()]
-    best = min(solutions, key=lambda solution: solution.statistics.total("chi2"))
+    best = min((descend(start, None) for start in starts), key=lambda solution: solution.statistics.total("chi2"))
     for _ in range(_REWEIGHTINGS):
         best = descend(best.unknowns, best.unknowns)
     return best
 
 
-def fit(problem: Problem, samples: Samples, seed: int, progress: Progress = lambda _: None) -> Solution:
+def fit(
+    problem: Problem,
+    samples: Samples,
+    seed: int,
+    progress: Progress = lambda _: None,
+    start: Tensor | None = None,
+) -> Solution:
     """The maximum-likelihood estimate from all samples: from the pilot's optimum, passes over everything.
 
     From there one Gauss-Newton step has the full efficiency; a second pass proves that it did. Weights stay those of
     the pilot's optimum: they need not be exact, and fixed ones make χ² a cost that can be compared between passes.
+
+    Args:
+        problem: what is estimated.
+        samples: all of them.
+        seed: of the pilot's random draw.
+        progress: called with a word on what is being done.
+        start: u [P] near the optimum; None: searched for globally.
     """
     progress("searching")
-    found = fit_batches(problem, pilot(samples, _PILOT, seed))
-    start = found.unknowns
+    pilots = fit_batches(problem, pilot(samples, _PILOT, seed), start)
+    reference = pilots.unknowns
     tiles = all_tiles(samples)
 
-    def evaluate(unknowns: torch.Tensor) -> Statistics:
+    def evaluate(unknowns: Tensor) -> Statistics:
         progress("refining over all samples")
-        return accumulate(found.problem, unknowns, tiles, start)
+        return accumulate(pilots.problem, unknowns, tiles, reference)
 
-    return minimise(found.problem, start, evaluate, passes=_FULL_PASSES, tolerance=0.03)
+    return minimise(pilots.problem, reference, evaluate, passes=_FULL_PASSES, tolerance=0.03)
 
 
 def all_tiles(samples: Samples) -> list[Callable[[], Batch]]:

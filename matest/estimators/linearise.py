@@ -207,6 +207,14 @@ class Statistics:
         """χ² per value, at least 1: how much larger the residuals are than the noise."""
         return max(self.total("chi2") / max(self.total("values"), 1), 1.0)
 
+    def grouped(self, size: int) -> Statistics:
+        """The same statistics with `size` successive cluster labels joined into one."""
+        joined = Statistics()
+        for cluster, sums in self.clusters.items():
+            known = joined.clusters.get(cluster // size)
+            joined.clusters[cluster // size] = sums if known is None else known + sums
+        return joined
+
     @property
     def information(self) -> Tensor:
         return torch.stack([sums.information for sums in self.clusters.values()]).sum(0)

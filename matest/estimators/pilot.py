@@ -6,6 +6,7 @@ import numpy as np
 import torch
 
 from matest.capture import Batch, Samples
+from matest.capture.samples import BLOCKS
 from matest.shader import lit_directions
 
 # Classes of the angle between half vector and normal, degrees: highlights are small and must not be missed.
@@ -25,7 +26,7 @@ def pilot(samples: Samples, count: int, seed: int) -> list[Batch]:
         if len(index) > quota:
             drawn = generator.choice(index, min(len(index), _CANDIDATES * quota), replace=False)
             index = np.sort(_even(samples, image, drawn, quota, generator))
-        batches.append(samples.at(image, index, cluster=position))
+        batches.append(samples.at(image, index, cluster=position * BLOCKS))
     return batches
 
 

@@ -14,7 +14,8 @@ from matest.estimators.linear import amplitudes
 from matest.estimators.linearise import Linearisation
 from matest.estimators.problem import Problem
 
-_LINEAR_NODES, _LOG_NODES = 13, 15
+# Nodes per shape parameter, at most so many in all.
+_NODES, _ALL_NODES = 15, 400
 # A logarithmic grid starts here, as a share of the upper end.
 _LOG_START = 0.01
 # Strengths of the ρ² term tried when the light scale is unknown: facet albedo of the brightest channel.
@@ -62,7 +63,8 @@ def search(problem: Problem, batches: list[Batch]) -> Search:
 
     Weights follow from the measured radiance.
     """
-    nodes = [_grid(problem, name) for name in problem.shapes]
+    count = min(_NODES, int(_ALL_NODES ** (1 / max(len(problem.shapes), 1))))
+    nodes = [_grid(problem, name, count) for name in problem.shapes]
     weights = [batch.weight(batch.radiance) for batch in batches]
     factors: list[tuple[str, ...]] = []
     grams, moments = [], []
@@ -99,13 +101,13 @@ def search(problem: Problem, batches: list[Batch]) -> Search:
     )
 
 
-def _grid(problem: Problem, name: str) -> list[float]:
+def _grid(problem: Problem, name: str, count: int) -> list[float]:
     domain = problem.domain(name)
     if problem.declared(name).log:
         low = max(domain.lower, _LOG_START * domain.upper)
-        return torch.logspace(math.log10(low), math.log10(0.95 * domain.upper), _LOG_NODES).tolist()
+        return torch.logspace(math.log10(low), math.log10(0.95 * domain.upper), count).tolist()
     # From the lower end up: the far end of an angle (90°) is no surface.
-    return torch.linspace(domain.lower + 0.02 * domain.width, domain.lower + 0.8 * domain.width, _LINEAR_NODES).tolist()
+    return torch.linspace(domain.lower + 0.02 * domain.width, domain.lower + 0.8 * domain.width, count).tolist()
 
 
 def _with_shapes(problem: Problem, shapes: tuple[float, ...]) -> Tensor:
