@@ -62,7 +62,7 @@ class Directions:
     @cached_property
     def half_squared(self) -> Tensor:
         """|L + V|² = 4 cos²θh, θh the angle between light and half vector. Positive above the horizon."""
-        return (self._half_tangential_squared + self._half_z * self._half_z).clamp(min=1e-14)
+        return self._half_tangential_squared + self._half_z * self._half_z
 
     @cached_property
     def cos_d(self) -> Tensor:
@@ -86,7 +86,8 @@ class Directions:
 
     @cached_property
     def _half_z(self) -> Tensor:
-        return self.cos_i + self.cos_o
+        # Floored here and nowhere else, so that cosine and tangent of α agree when L and V graze from opposite sides.
+        return (self.cos_i + self.cos_o).clamp(min=1e-7)
 
     @cached_property
     def _half_tangential_squared(self) -> Tensor:

@@ -29,7 +29,9 @@ class Domain:
         return self.upper - self.lower
 
     def contains(self, value: Tensor) -> bool:
-        return bool(((value >= self.lower) & (value <= self.upper)).all())
+        # In single precision, where π/2 is a little more than π/2.
+        lower, upper = torch.tensor([self.lower, self.upper], dtype=torch.float32)
+        return bool(((value.float() >= lower) & (value.float() <= upper)).all())
 
     def lifted(self) -> Domain:
         """The same lower end without an upper one."""

@@ -11,9 +11,11 @@ from torch import Tensor
 
 from matest.brdf import Brdf, Term
 from matest.directions import Directions, above_horizon
+from matest.errors import InputError
 from matest.scene import Points, Scene
 
 _NODES = 33  # cosines at which the reflectance under an even sky is tabulated
+_NORMAL_PAIR = (torch.tensor([[0.0, 0.0, 1.0]]), torch.tensor([[0.0, 0.0, 1.0]]))
 _POLAR, _AZIMUTH = 64, 64  # Gauss-Legendre nodes over a quarter of the sphere's polar and half its azimuth range
 
 
@@ -21,9 +23,15 @@ def shade(brdf: Brdf, points: Points) -> Tensor:
     """Radiance [..., C] that leaves `points` toward the viewer.
 
     Differentiable in the parameters, directions and irradiances; any device, float32 or float64 (that of the points).
+    Parameters of shape [..., 1 or C] belong to one point each.
+
+    Raises:
+        InputError: ambient light on a model whose lobes differ from point to point.
     """
     gathered = gathered_light(points)
-    values = brdf(points.wi, points.wo[..., None, :])
+    # Parameters per point get an axis for the lights.
+    spread = {name: value.unsqueeze(-2) for name, value in brdf.parameters.items() if value.ndim > 1}
+    values = brdf.replace(spread)(points.wi, points.wo[..., None, :])
     radiance = (values * gathered).sum(-2)
     if points.ambient is not None:
         radiance = radiance + points.ambient * reflectance(brdf, points.wo[..., 2:])
@@ -48,14 +56,16 @@ def render(
     Differentiable in the material (and in lights, normals and positions of the scene that require gradients).
     """
     height, width = scene.surface.shape
+    count = len(scene.surface)
     index = torch.from_numpy(scene.surface.pixels).to(device)
     images = []
     for image in range(len(scene)):
-        tiles = torch.arange(len(scene.surface)).split(1 << 16)
-        radiance = torch.cat(
-            [shade(material, scene.points(image, tile, dtype=dtype, device=device)).expand(-1, scene.channels)
-             for tile in tiles]
-        )  # fmt: skip
+        parts = []
+        for tile in torch.arange(count).split(1 << 16):
+            own = {name: v[tile] for name, v in material.parameters.items() if v.ndim > 1 and len(v) == count > 1}
+            points = scene.points(image, tile, dtype=dtype, device=device)
+            parts.append(shade(material.replace(own), points).expand(-1, scene.channels))
+        radiance = torch.cat(parts)
         flat = radiance.new_zeros(height * width, radiance.shape[-1])
         images.append(flat.index_copy(0, index, radiance).reshape(height, width, -1))
     return torch.stack(images)
@@ -69,13 +79,20 @@ def reflectance(brdf: Brdf, cos_o: Tensor) -> Tensor:
     """
     nodes = sky_nodes(cos_o.dtype, cos_o.device)
     values = brdf.to(cos_o.dtype, cos_o.device)
+    factors = {factor for factors, _ in values.terms(Directions(*_NORMAL_PAIR)) for factor in factors}
+    lobes = [name for name, value in values.parameters.items() if name not in factors and value.ndim > 1]
+    if lobes:
+        raise InputError(
+            f"ambient light needs one value of {', '.join(lobes)} for the whole surface, not one per point."
+        )
+    even = {name: torch.ones_like(value) for name, value in values.parameters.items() if name in factors}
     total = torch.zeros((), dtype=cos_o.dtype, device=cos_o.device)
-    for term in sky_terms(values.terms(nodes.directions)):
-        shape = term.shape
+    for term in sky_terms(values.replace(even).terms(nodes.directions)):
+        part = interpolate(term.shape, cos_o)
         for factor in term.factors:
-            shape = shape * values.parameters[factor]
-        total = total + shape
-    return interpolate(total, cos_o)
+            part = part * values.parameters[factor]
+        total = total + part
+    return total
 
 
 class SkyNodes:

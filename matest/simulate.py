@@ -67,7 +67,7 @@ def load_scene(path: str | Path) -> SceneDescription:
     tables = schema.read(file, schema.SceneFile)
     if not tables.image:
         raise InputError(f"{file}: expected at least one [[image]] with lights; got none.")
-    folder = Folder(file.parent, file.parent.absolute())
+    folder = Folder(file, file.parent.absolute())
     material = _material(tables.material, str(file))
     channels = _channels(tables, material, str(file))
     shape = _shape(tables, folder, str(file))
@@ -209,7 +209,7 @@ def _encoding(
         # Two digits are enough, and leave the file readable.
         step = 10 ** math.floor(math.log10(peak / _EXPOSED)) / 10 if peak > 0 else 1.0
         table.scale = float(f"{math.ceil(peak / _EXPOSED / step) * step:.6g}")
-    folder = Folder(description.file.parent, description.file.parent.absolute())
+    folder = Folder(description.file, description.file.parent.absolute())
     return build_encoding(table, folder, description.scene.surface, integer, str(description.file), None)
 
 

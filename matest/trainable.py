@@ -6,6 +6,7 @@ import torch
 from torch import nn
 
 from matest.brdf import Brdf
+from matest.errors import InputError, nearest
 
 
 class Trainable(nn.Module):
@@ -18,10 +19,16 @@ class Trainable(nn.Module):
         fixed: names (in a sum: paths) of parameters that stay as they are. Held ones, such as `f0` of a dielectric,
             train like the others unless named here.
         dtype: of the parameters.
+
+    Raises:
+        InputError: a name in `fixed` that the model does not have.
     """
 
     def __init__(self, brdf: Brdf, *, fixed: tuple[str, ...] = (), dtype: torch.dtype = torch.float32) -> None:
         super().__init__()
+        for name in fixed:
+            if name not in brdf.declared:
+                raise InputError(f"{brdf.expression} has no parameter '{name}'; {nearest(name, brdf.declared)}")
         gauges = tuple(name for name, declared in brdf.declared.items() if declared.gauge)
         self._brdf = brdf
         self._free = [name for name in brdf.declared if name not in (*fixed, *gauges)]

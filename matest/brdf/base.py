@@ -75,7 +75,14 @@ class Brdf:
         return f"{self.name}({','.join(changed)})" if changed else self.name
 
     def replace(self, values: Mapping[str, Any]) -> Brdf:
-        """The same model with other parameter values, by name or path."""
+        """The same model with other parameter values, by name or path.
+
+        Raises:
+            InputError: an unknown name, a number outside its domain.
+        """
+        for name in values:
+            if name not in self.declared:
+                raise InputError(f"{self.name} has no parameter '{name}'; {nearest(name, self.declared)}")
         return dataclasses.replace(self, **values)  # type: ignore[type-var]
 
     def evaluate(self, directions: Directions) -> Tensor:
@@ -101,7 +108,7 @@ class Brdf:
         return Sum(_components(self) + _components(other))
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Sum(Brdf):
     """The sum of several models. Its parameters are named by path: `oren-nayar.sigma`, `lambert.albedo`."""
 

@@ -19,7 +19,7 @@ from matest.parameters import interval, option, parameter, unit_interval
 _NORMALISATION = {"physical": 1.0, "ngan": 4 / math.pi, "paper1982": 4.0}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CookTorrance(Brdf):
     """A Lambertian body under a microfacet surface.
 

@@ -9,6 +9,8 @@ from matest.brdf.base import Brdf
 from matest.errors import InputError, nearest
 from matest.parameters import options_of, parameters_of
 
+# A plus sign outside brackets: 1e+0 inside is a number.
+_PLUS = re.compile(r"\+(?![^(]*\))")
 _COMPONENT = re.compile(r"\s*([\w-]+)\s*(?:\(([^()]*)\))?\s*")
 
 
@@ -18,7 +20,7 @@ def parse(expression: str, models: dict[str, type[Brdf]]) -> tuple[Brdf, dict[st
     Raises:
         InputError: an unknown model, option or parameter, or a value that does not fit.
     """
-    parts = expression.split("+")
+    parts = _PLUS.split(expression)
     brdf: Brdf | None = None
     inside: dict[str, dict[str, float]] = {}
     for part in parts:

@@ -14,7 +14,7 @@ from matest.directions import Directions
 from matest.parameters import parameter, unit_interval
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Lambert(Brdf):
     """f = albedo / π: the radiance of the surface does not depend on the direction of view."""
 

@@ -17,7 +17,7 @@ from matest.parameters import interval, non_negative, parameter, unit_interval
 _COS_FLOOR = 1e-6
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class OrenNayar(Brdf):
     """Rough diffuse surface of Lambertian V-cavities with Gaussian slope-area distribution.
 
@@ -32,7 +32,7 @@ class OrenNayar(Brdf):
     twice.
 
     Source: Oren & Nayar 1994, eq. 14-16. Limits: σ = 0 is Lambert exactly. The direct part of the fit turns negative
-    near forward double grazing for σ > 38°; values are cut at zero there. Albedo exceeds 1 by up to 4.5 % at grazing
+    near forward double grazing for σ > 38°; values are cut at zero there. Albedo exceeds 1 by up to 5.1 % at grazing
     incidence when ρ > 0.96 and σ is 10° to 30°. Two bounces only, so ρ = 1 is not a white surface.
     """
 
@@ -66,8 +66,11 @@ class OrenNayar(Brdf):
         half_tangent = (sin_alpha + sin_beta) / (d.cos_i + d.cos_o).clamp(min=_COS_FLOOR)
 
         # Forward of the plane normal to incidence, C2 = B (sin α − (2β/π)³); the case split is continuous (s = 0).
-        cubic = (2 / math.pi) ** 3 * beta * beta * beta_over_sin * ratio
-        in_plane = s / cos_beta * torch.where(s < 0, 1 - cubic, torch.ones_like(cubic))
+        # 1 − (2β/π)³/sin α is formed from 1 − 2β/π and 1 − sin α: near double grazing it vanishes before tan β grows.
+        away = (2 / math.pi) * torch.atan2(cos_beta, sin_beta)
+        short = torch.where(oblique_i, d.cos_i, d.cos_o).square() / (1 + sin_alpha)
+        forward = (away * (3 - away * (3 - away)) - short) / sin_alpha
+        in_plane = s / cos_beta * torch.where(s < 0, forward, torch.ones_like(forward))
         # (1 − |cos Δφ|)(αβ)²; |cos Δφ| = |s| / (sin α sin β).
         out_of_plane = (alpha * beta).square() - alpha * beta * (alpha / sin_alpha) * beta_over_sin * s.abs()
         bounce = 1 - s * (4 / math.pi**2) * beta_over_sin * beta_over_sin * ratio

@@ -17,7 +17,7 @@ from matest.parameters import interval, parameter, unit_interval
 _SIGMA_FLOOR = 1e-3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TorranceSparrow(Brdf):
     """Specular V-cavities with the slope distribution of the body.
 
@@ -27,7 +27,7 @@ class TorranceSparrow(Brdf):
     it to `oren-nayar.sigma`. Shapes as `Brdf`.
 
     Source: Oren & Nayar 1994, section 4 (samples C and D), after Torrance & Sparrow 1967. Limits: not normalised; the
-    albedo at ks = 1 and σ = 20° is 2.3 at normal incidence, so ks of real surfaces is a few per cent.
+    albedo at ks = 1 is 2.3 at normal incidence for σ = 20° and grows with σ, so ks of real surfaces is a few per cent.
     """
 
     specular: Tensor = parameter(

@@ -23,10 +23,14 @@ from matest.scene.surface import Surface, fit_circle, from_mesh, from_normals, f
 
 @dataclass(frozen=True)
 class Folder:
-    """Where a file's references point: its own folder, and the folder that nothing may lead out of."""
+    """Where the references in a file point: its own folder, and the folder that nothing may lead out of."""
 
-    path: Path
+    source: Path
     root: Path
+
+    @property
+    def path(self) -> Path:
+        return self.source.parent
 
     def file(self, reference: str, key: str) -> Path:
         """The file a reference names.
@@ -37,7 +41,7 @@ class Folder:
         target = Path(os.path.normpath(self.path / reference))
         if not target.absolute().is_relative_to(self.root):
             raise InputError(
-                f"{self.path.name}: {key} = '{reference}' leads outside {self.root}, the captures' common folder; "
+                f"{self.source}: {key} = '{reference}' leads outside {self.root}, the captures' common folder; "
                 "copy the file into it and refer to it there."
             )
         if not target.is_file():
@@ -59,9 +63,11 @@ def build_camera(table: CameraTable, label: str) -> Camera:
         raise InputError(f"{label}: camera.fov_y must lie between 0 and π rad; got {table.fov_y}.")
     if len(table.distortion) not in (0, 4, 5, 8):
         raise InputError(f"{label}: camera.distortion takes k1, k2, p1, p2[, k3]; got {len(table.distortion)} numbers.")
-    return Camera(
-        table.position, table.target, table.up, table.height, table.fov_y, table.matrix, tuple(table.distortion)
-    )
+    distortion = tuple(table.distortion)
+    try:
+        return Camera(table.position, table.target, table.up, table.height, table.fov_y, table.matrix, distortion)
+    except InputError as error:
+        raise InputError(f"{label}: {error}") from None
 
 
 def build_surface(tables: CaptureFile, folder: Folder, shape: tuple[int, int], label: str) -> Surface:
@@ -127,7 +133,10 @@ def build_encoding(
     if not isinstance(chosen, str) and not chosen > 0:
         raise InputError(f"{label}: encoding.transfer as a number is a gamma and must be positive; got {chosen}.")
     saturation = table.saturation if table.saturation is not None else (0.98 if integer else None)
-    encoding = Encoding(transfer=chosen, scale=table.scale or 1.0, saturation=saturation)
+    scale = 1.0 if table.scale is None else table.scale
+    if not (math.isfinite(scale) and scale > 0):
+        raise InputError(f"{label}: encoding.scale is the radiance of full scale and must be positive; got {scale}.")
+    encoding = Encoding(transfer=chosen, scale=scale, saturation=saturation)
     black: float | np.ndarray
     if isinstance(table.black, str):
         black = _frame(folder.file(table.black, "encoding.black"), surface, encoding)
@@ -138,7 +147,7 @@ def build_encoding(
         flat = _frame(folder.file(table.flat, "encoding.flat"), surface, encoding)
         if not (flat > 0).all():
             raise InputError(f"{folder.path / table.flat}: a flat field must be positive on the object; it is 0 there.")
-    return Encoding(chosen, table.scale or 1.0, black, flat, saturation)
+    return Encoding(chosen, scale, black, flat, saturation)
 
 
 def colour(value: float | list[float], channels: int, label: str) -> Tensor:
@@ -155,11 +164,15 @@ def colour(value: float | list[float], channels: int, label: str) -> Tensor:
 def _light(table: LightTable, channels: int, label: str) -> tuple[Light, bool]:
     if (table.direction is None) == (table.position is None):
         raise InputError(f"{label}: needs either direction (a distant light) or position (a near one).")
-    power = table.irradiance if table.direction is not None else table.intensity
-    unit = "irradiance" if table.direction is not None else "intensity"
+    distant = table.direction is not None
+    power, unit = (table.irradiance, "irradiance") if distant else (table.intensity, "intensity")
+    if (table.intensity if distant else table.irradiance) is not None:
+        raise InputError(f"{label}: a light with direction has irradiance, one with position has intensity.")
+    if table.solid_angle is not None and not 0 < table.solid_angle <= 4 * math.pi:
+        raise InputError(f"{label}: solid_angle must lie between 0 and 4π sr; got {table.solid_angle}.")
     known = power is not None or table.radiance is not None
     if table.radiance is not None:
-        if table.solid_angle is None or table.direction is None or power is not None:
+        if table.solid_angle is None or not distant or power is not None:
             raise InputError(f"{label}: radiance goes with direction and solid_angle, and without irradiance.")
         emitted = colour(table.radiance, channels, f"{label}: radiance") * table.solid_angle
     else:

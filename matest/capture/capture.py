@@ -20,7 +20,7 @@ from matest.capture.images import full_scale, read_image
 from matest.capture.photometry import Encoding, Noise, estimate_noise, quantisation
 from matest.capture.samples import Samples
 from matest.errors import InputError
-from matest.scene import Scene
+from matest.scene import PointLight, Scene
 
 # Pixels beyond this many bytes go to a temporary file: memory does not grow with the number of images.
 _MEMORY_BUDGET = 256 << 20
@@ -105,7 +105,7 @@ def load_capture(
     """
     file = capture_file(path, "capture.toml")
     tables = schema.read(file, schema.CaptureFile)
-    folder = Folder(file.parent, (root or file.parent).absolute())
+    folder = Folder(file, (root or file.parent).absolute())
     if not tables.image:
         raise InputError(f"{file}: expected at least one [[image]]; got none.")
     names = [table.file for table in tables.image]
@@ -126,16 +126,19 @@ def load_capture(
             raise InputError(f"{file}: image {k}: exposure must be positive; got {table.exposure}.")
     ambient = [colour(table.ambient, channels, f"{file}: image {k}: ambient") for k, table in enumerate(tables.image)]
     encoding = build_encoding(tables.encoding, folder, surface, first.dtype.kind == "u", str(file), transfer)
-    scene = Scene(surface, tuple(lights for lights, _ in lit), torch.stack(ambient))
-    try:
-        scene = scene.with_shadows()
-    except InputError as error:
-        raise InputError(f"{file}: {error}") from None
+    for k, (lights, _) in enumerate(lit):
+        if surface.positions is None and any(isinstance(light, PointLight) for light in lights):
+            raise InputError(
+                f"{file}: image {k}: a light with a position needs the surface's positions; give a mesh, or positions "
+                "beside the normal map."
+            )
+    scene = Scene(surface, tuple(lights for lights, _ in lit), torch.stack(ambient)).with_shadows()
     geometry_s = time.perf_counter() - clock
 
     clock = time.perf_counter()
     stored = _decode(paths, first, surface.pixels, progress)
     read_s += time.perf_counter() - clock
+    _check_noise(tables.noise, str(file))
     capture = Capture(
         name=file.parent.absolute().name,
         scene=scene,
@@ -212,12 +215,21 @@ class _Spill:
         return spilled
 
 
+def _check_noise(table: schema.NoiseTable | None, label: str) -> None:
+    for key in ("read", "gain"):
+        value = getattr(table, key) if table is not None else 0.0
+        if not (np.isfinite(value) and value >= 0):
+            raise InputError(
+                f"{label}: noise.{key} must be finite and not negative; got {value}. Correct or remove it."
+            )
+
+
 def _noise(capture: Capture, table: schema.NoiseTable | None) -> Noise:
     stored = capture.stored[0]
     floor = quantisation(capture.encoding, stored.dtype)
     if table is not None:
         # Stated noise leaves rounding to the image format.
-        return Noise(float(np.hypot(max(table.read, 0.0), floor)) or 1e-4, max(table.gain, 0.0))
+        return Noise(float(np.hypot(table.read, floor)) or 1e-4, table.gain)
     surface = capture.scene.surface
     inside = surface.image(~surface.rim)
     chosen = np.linspace(0, len(capture) - 1, min(len(capture), _NOISE_IMAGES)).round().astype(int)

@@ -30,6 +30,7 @@ def read_image(path: Path) -> np.ndarray:
         image = _read_opencv(path)
     else:
         raise InputError(f"{path}: expected one of {', '.join(FORMATS)}; got '{suffix}'. Convert the image.")
+    image = image.astype(image.dtype.newbyteorder("="), copy=False)
     if image.ndim == 2:
         image = image[..., None]
     if image.ndim != 3 or image.shape[2] not in (1, 2, 3, 4) or not image.size:
@@ -102,7 +103,8 @@ def _read_opencv(path: Path) -> np.ndarray:
         raise _unreadable(path, f"it is no {path.suffix[1:].upper()} file that OpenCV decodes")
     if image.ndim == 3 and image.shape[2] >= 3:
         image = image[..., 2::-1]
-    return image
+    # OpenCV expands grey with alpha (PNG colour type 4, at byte 25 of the header) to four channels.
+    return image[..., :1] if path.suffix.lower() == ".png" and data[25:26] == b"\x04" else image
 
 
 def _read_npy(path: Path) -> np.ndarray:

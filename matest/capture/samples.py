@@ -27,7 +27,7 @@ BLOCKS = _BLOCKS_ACROSS**2
 
 
 class Readout(NamedTuple):
-    """Noise of an image in radiance: variance = read + gain·radiance; tensors [1 or n, 1]."""
+    """Noise of an image in radiance: variance = read + gain·radiance; tensors [1 or n, 1 or C]."""
 
     read: Tensor
     gain: Tensor
@@ -126,13 +126,15 @@ class Samples:
         above = np.asarray(encoding.saturated(stored).any(axis=1))
         if stored.dtype.kind != "u":
             return below, above
-        signal = surface.image(encoding.signal(stored, slice(None)))
-        mean = cv2.blur(signal, (3, 3)).reshape(signal.shape).reshape(-1, signal.shape[2])[surface.pixels]
-        black = encoding.black if isinstance(encoding.black, float) else 0.0
-        below = (mean < _CLIP_MARGIN * noise.read - black).any(axis=1)
+        # As the sensor saw it: black level in, flat field not yet divided out.
+        linear = encoding.signal(stored, slice(None)) * (1.0 if encoding.flat is None else encoding.flat)
+        linear = surface.image((linear + encoding.black).astype(np.float32))
+        mean = cv2.blur(linear, (3, 3)).reshape(-1, stored.shape[1])[surface.pixels]
+        # A surface that is black in one channel is still seen in the others.
+        below = (mean < _CLIP_MARGIN * noise.read).all(axis=1)
         if encoding.saturation is not None:
-            top = float(encoding.linear(np.array(encoding.saturation))) - black
-            spread = float(np.sqrt(noise.read**2 + noise.gain * max(top, 0.0)))
+            top = float(encoding.linear(np.array(encoding.saturation)))
+            spread = float(np.sqrt(noise.read**2 + noise.gain * top))
             above |= (mean > top - _CLIP_MARGIN * spread).any(axis=1)
         return below, above
 
@@ -154,15 +156,18 @@ class Samples:
         return Batch(
             points=capture.scene.points(image, chosen, dtype=self.dtype, device=self.device),
             radiance=as_tensor(capture.radiance(image, index), self.dtype, self.device),
-            readout=self._readout(image),
+            readout=self._readout(image, index),
             cluster=cluster,
         )
 
-    def _readout(self, image: int) -> Readout:
+    def _readout(self, image: int, index: np.ndarray) -> Readout:
         capture = self.capture
-        scale = capture.encoding.scale / capture.exposures[image]
+        flat = capture.encoding.flat
+        scale = np.full((1, 1), capture.encoding.scale / capture.exposures[image])
+        if flat is not None:
+            scale = scale / flat[index]
         values = ((capture.noise.read * scale) ** 2, capture.noise.gain * scale)
-        return Readout(*(torch.full((1, 1), value, dtype=self.dtype, device=self.device) for value in values))
+        return Readout(*(as_tensor(value, self.dtype, self.device) for value in values))
 
     def tiles(self, size: int = TILE) -> Iterator[Batch]:
         """All samples in tiles that fit the processor's cache, each of one image and one cluster."""
@@ -234,7 +239,7 @@ def _join(parts: list[Batch]) -> Batch:
                 for p, shape in zip(points, shapes, strict=True)
             ]
         )
-    readouts = [[value.expand(len(part), 1) for value in part.readout] for part in parts]
+    readouts = [[value.expand(len(part), -1) for value in part.readout] for part in parts]
     return Batch(
         points=Points(
             torch.cat([p.wi for p in points]),

@@ -125,17 +125,27 @@ def _explain(message: str, kind: type) -> str:
     if missing:
         inside = f"in [{where}]" if where else ""
         return f"the key '{missing.group(1)}' is missing {inside}".rstrip() + "; add it."
+    choice = re.search(r"Invalid enum value '?(.+?)'?$", text)
+    if choice:
+        known = [c for c in _choices(kind, where) if isinstance(c, str)]
+        return f"{where}: unknown value '{choice.group(1)}'; {nearest(choice.group(1), known)}"
     expected = text.replace("Expected", "expected").replace("`", "").replace("array", "a list")
     return f"{where or 'the file'}: {expected}; correct the value."
 
 
 def _fields(kind: type, where: str) -> list[str]:
     """Keys known in the table at the path `where`, such as `image[...].lights[...]`."""
-    current: Any = kind
+    table = next(t for t in _choices(kind, where) if isinstance(t, type) and issubclass(t, msgspec.Struct))
+    return [f.name for f in msgspec.structs.fields(table)]
+
+
+def _choices(kind: type, where: str) -> list[Any]:
+    """The types, or the literal values, that the path `where` admits."""
+    found: list[Any] = [kind]
     for name in filter(None, re.sub(r"\[[^\]]*\]", "", where).split(".")):
-        annotation = next(f.type for f in msgspec.structs.fields(current) if f.name == name)
-        current = next(t for t in _flatten(annotation) if isinstance(t, type) and issubclass(t, msgspec.Struct))
-    return [f.name for f in msgspec.structs.fields(current)]
+        table = next(t for t in found if isinstance(t, type) and issubclass(t, msgspec.Struct))
+        found = _flatten(next(f.type for f in msgspec.structs.fields(table) if f.name == name))
+    return found
 
 
 def _flatten(annotation: Any) -> list[Any]:

@@ -36,8 +36,9 @@ class Camera:
     distortion: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        axes = self._axes()
-        if not np.isfinite(axes).all():
+        sideways = np.cross(self.up, np.subtract(self.position, self.target))
+        lengths = np.linalg.norm(self.up) * np.linalg.norm(np.subtract(self.position, self.target))
+        if not np.linalg.norm(sideways) > 1e-9 * lengths or not np.isfinite(lengths):
             raise InputError(
                 "camera: position, target and up must differ and up must not point along the line of sight; "
                 f"got position {list(self.position)}, target {list(self.target)}, up {list(self.up)}."
@@ -49,11 +50,10 @@ class Camera:
 
     def _axes(self) -> np.ndarray:
         """Rows: right, up, backward (toward the viewer) in world coordinates."""
-        with np.errstate(invalid="ignore", divide="ignore"):
-            backward = np.subtract(self.position, self.target, dtype=float)
-            backward /= np.linalg.norm(backward)
-            right = np.cross(np.asarray(self.up, dtype=float), backward)
-            right /= np.linalg.norm(right)
+        backward = np.subtract(self.position, self.target, dtype=float)
+        backward /= np.linalg.norm(backward)
+        right = np.cross(np.asarray(self.up, dtype=float), backward)
+        right /= np.linalg.norm(right)
         return np.stack([right, np.cross(backward, right), backward])
 
     def rays(self, shape: tuple[int, int], pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

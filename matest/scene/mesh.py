@@ -9,14 +9,26 @@ import numpy as np
 
 from matest.errors import InputError
 
+# Edges sharper than this stay edges: the normals of the two faces are not averaged across them.
+_CREASE = np.deg2rad(45)
+
 
 class Mesh:
-    """A triangle mesh with smooth vertex normals, made for casting many rays at."""
+    """A triangle mesh with smooth normals, made for casting many rays at.
 
-    def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
+    Args:
+        vertices: [V, 3].
+        faces: vertex indices [F, 3].
+        normals: of the vertices [V, 3], as a file gives them; None: averaged over the faces around each vertex,
+            weighted by angle, but not across edges sharper than 45°.
+    """
+
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray | None = None) -> None:
         import trimesh
 
+        # Merging vertices keeps the faces and their order.
         self._mesh = trimesh.Trimesh(vertices, faces, process=True)
+        self._given = None if normals is None else normals[faces]
 
     @classmethod
     def load(cls, path: Path) -> Mesh:
@@ -28,8 +40,8 @@ class Mesh:
         import trimesh
 
         try:
-            mesh = trimesh.load_mesh(path)
-        except (ValueError, OSError, KeyError, IndexError, NotImplementedError, TypeError) as error:
+            mesh = trimesh.load_mesh(path, process=False)
+        except Exception as error:  # trimesh passes on whatever its many parsers raise
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
             raise InputError(
                 f"{path}: expected a triangle mesh that trimesh reads (PLY, OBJ, STL, GLB); got '{reason}'. Export the "
@@ -40,7 +52,33 @@ class Mesh:
                 f"{path}: expected a mesh with triangles and finite vertices; got "
                 f"{len(getattr(mesh, 'faces', ()))} triangles. Export the surface, not only points or lines."
             )
-        return cls(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+        # Normals that came with the file wait in trimesh's cache; others would be computed on first use.
+        given = mesh.vertex_normals if "vertex_normals" in mesh._cache else None
+        return cls(np.asarray(mesh.vertices), np.asarray(mesh.faces), given)
+
+    @cached_property
+    def _corner_normals(self) -> np.ndarray:
+        """A normal for every corner of every face, [F, 3, 3]."""
+        if self._given is not None and np.isfinite(self._given).all():
+            return self._given
+        from scipy.sparse import coo_matrix
+        from scipy.sparse.csgraph import connected_components
+
+        mesh = self._mesh
+        smooth = mesh.face_adjacency_angles < _CREASE
+        pairs, edges = mesh.face_adjacency[smooth], mesh.face_adjacency_edges[smooth]
+        # Corners (3·face + place) of two faces on a smooth edge share their normal at both of its vertices.
+        joined = [
+            3 * pairs[:, side] + (mesh.faces[pairs[:, side]] == edges[:, end, None]).argmax(axis=1)
+            for end in (0, 1)
+            for side in (0, 1)
+        ]
+        rows, columns = np.concatenate(joined[0::2]), np.concatenate(joined[1::2])
+        size = 3 * len(mesh.faces)
+        _, group = connected_components(coo_matrix((np.ones(len(rows)), (rows, columns)), (size, size)), directed=False)
+        weighted = mesh.face_angles[:, :, None] * mesh.face_normals[:, None, :]
+        sums = np.stack([np.bincount(group, weighted[..., axis].ravel()) for axis in range(3)], axis=1)
+        return sums[group].reshape(-1, 3, 3)
 
     @cached_property
     def convex(self) -> bool:
@@ -72,11 +110,11 @@ class Mesh:
         return faces, distance
 
     def interpolated_normals(self, faces: np.ndarray, positions: np.ndarray) -> np.ndarray:
-        """Unit normals [N, 3], smooth-shaded: vertex normals weighted by barycentric coordinates."""
+        """Unit normals [N, 3], smooth-shaded: normals of the corners weighted by barycentric coordinates."""
         import trimesh
 
         weights = trimesh.triangles.points_to_barycentric(self._mesh.triangles[faces], positions)
-        normals = np.einsum("nk,nkj->nj", weights.clip(0, 1), self._mesh.vertex_normals[self._mesh.faces[faces]])
+        normals = np.einsum("nk,nkj->nj", weights.clip(0, 1), self._corner_normals[faces])
         return normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
     def face_normals(self, faces: np.ndarray) -> np.ndarray:

@@ -1,0 +1,5 @@
+"""`python -m matest`."""
+
+from matest.cli import main
+
+main()

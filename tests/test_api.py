@@ -1,0 +1,82 @@
+"""The Python interface as the documentation prints it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+import torch
+
+import matest
+
+ROOT = Path(__file__).parents[1]
+VASE = ROOT / "renders" / "vase"
+
+
+def test_every_public_name_can_be_imported() -> None:
+    for name in matest.__all__:
+        assert getattr(matest, name) is not None
+    assert set(matest.__all__) <= set(dir(matest))
+    with pytest.raises(AttributeError, match="no attribute 'estimat'"):
+        matest.estimat  # noqa: B018
+
+
+def test_the_names_survive_importing_the_modules() -> None:
+    import matest.cli
+    import matest.estimation
+
+    assert callable(matest.estimate)
+    assert callable(matest.render)
+    assert callable(matest.predict)
+
+
+def test_the_documented_session_and_training_loop_work() -> None:
+    capture = matest.load_capture(VASE)
+    estimate = matest.estimate(capture, model="oren-nayar")
+    sigma = estimate.parameters["sigma"]
+    assert sigma.std is not None
+    assert sigma.interval95[0] < sigma.value < sigma.interval95[1]
+    image = matest.render(capture.scene, estimate.material)
+    assert image.shape == (3, 256, 192, 3)
+
+    samples = capture.samples()
+    material = matest.Trainable(matest.brdf.OrenNayar(albedo=0.5, sigma=0.3))
+    optimiser = torch.optim.Adam(material.parameters(), lr=0.05)
+    losses = []
+    for _ in range(60):
+        for batch in samples.batches(65_536, shuffle=True, seed=0):
+            loss = matest.losses.photometric(matest.shade(material(), batch.points), batch.radiance)
+            optimiser.zero_grad()
+            loss.backward()
+            optimiser.step()
+            losses.append(loss.item())
+    assert losses[-1] < losses[0] / 10
+
+
+def test_the_readme_example_runs(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL)
+    assert blocks
+    monkeypatch.chdir(ROOT)
+    for block in blocks:
+        exec(compile(block, "README.md", "exec"), {})
+    assert "0.69" in capsys.readouterr().out
+
+
+def test_a_rendered_image_is_differentiable_in_the_material() -> None:
+    capture = matest.load_capture(VASE)
+    sigma = torch.tensor(0.5, requires_grad=True)
+    image = matest.render(capture.scene, matest.brdf.OrenNayar(albedo=0.7, sigma=sigma))
+    image.mean().backward()
+    assert torch.isfinite(sigma.grad)
+    assert sigma.grad != 0
+
+
+def test_the_material_of_a_result_folder_shades_like_the_estimate(tmp_path: Path) -> None:
+    from matest.report.folder import write_result
+
+    capture = matest.load_capture(VASE)
+    estimate = matest.estimate(capture, model="oren-nayar")
+    write_result(estimate, capture, tmp_path / "result")
+    again = matest.load_material(tmp_path / "result")
+    torch.testing.assert_close(matest.render(capture.scene, again), matest.render(capture.scene, estimate.material))

@@ -1,0 +1,280 @@
+"""The command as people and scripts use it."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from matest import cli
+from matest.simulate import simulate
+from tests import scenes
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]):
+    """Run `matest ARGUMENTS` in this process: exit code, standard output, standard error."""
+
+    def invoke(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["matest", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        out, err = capfd.readouterr()
+        code = ended.value.code
+        return (0 if code is None else int(code)), out, err
+
+    return invoke
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small capture of an Oren-Nayar ball."""
+    folder = tmp_path_factory.mktemp("made")
+    material = scenes.material("oren-nayar", albedo=[0.6, 0.5, 0.4], sigma=0.4)
+    scenes.write(folder / "scene", material, scenes.sphere(64), scenes.noise(), scenes.distant(scenes.LIGHTS[:3]))
+    return simulate(folder / "scene", folder / "ball")
+
+
+@pytest.fixture
+def capture(made: Path, tmp_path: Path) -> Path:
+    """A copy of it to spoil."""
+    return Path(shutil.copytree(made, tmp_path / "ball"))
+
+
+def edit(folder: Path, old: str, new: str) -> None:
+    file = folder / "capture.toml"
+    text = file.read_text("utf-8")
+    assert old in text
+    file.write_text(text.replace(old, new, 1), "utf-8")
+
+
+def test_estimate_writes_a_complete_result_folder(run, capture: Path) -> None:
+    code, out, _ = run("estimate", capture, "--model", "oren-nayar")
+    assert code == 0
+    assert "sigma" in out
+    assert "degrees" in out
+    result = capture / "matest"
+    content = json.loads((result / "result.json").read_text("utf-8"))
+    assert content["schema"] == "matest.estimate/1"
+    assert content["model"] == "oren-nayar"
+    assert set(content["provenance"]["inputs"]) == {"00.png", "01.png", "02.png"}
+    expected = {"schema", "capture", "model", "parameters", "correlation", "fit", "candidates", "skipped", "timing_s"}
+    assert expected | {"provenance", "warnings"} <= set(content)
+    for name in ("report.html", "material.json", "profile.csv", "images/00_render.png", "images/02_residual.png"):
+        assert (result / name).stat().st_size > 0
+    skipped = content["skipped"]["samples"]
+    assert sum(skipped.values()) + content["fit"]["samples"] == 3 * 64 * 64
+
+
+def test_tables_fit_an_eighty_column_terminal(run, capture: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    for arguments in (("estimate", capture, "--model", "oren-nayar"), ("models",)):
+        _, out, _ = run(*arguments)
+        assert max(len(line.rstrip()) for line in out.splitlines() if str(capture) not in line) <= 80
+
+
+def test_estimate_predict_compare_work_in_a_row(run, capture: Path, tmp_path: Path) -> None:
+    assert run("estimate", capture, "--model", "oren-nayar", "-o", tmp_path / "result")[0] == 0
+    code, out, _ = run("predict", tmp_path / "result", capture, "-o", tmp_path / "prediction", "--json")
+    assert code == 0
+    assert max(json.loads(out)["relative_rmse"].values()) < 0.1
+    images = [tmp_path / "prediction" / "00.exr", tmp_path / "prediction" / "01.exr"]
+    code, out, _ = run("compare", *images, "--row", 32, "-o", tmp_path / "section", "--json")
+    assert code == 0
+    rows = json.loads(out)["images"]
+    assert rows[0]["rms"] == 0
+    assert rows[1]["rms"] > 0.01
+    assert (tmp_path / "section.png").stat().st_size > 5000
+    assert len((tmp_path / "section.csv").read_text("utf-8").splitlines()) == 65
+
+
+def test_json_on_standard_output_is_the_result_file(run, capture: Path) -> None:
+    code, out, err = run("estimate", capture, "--model", "lambert", "--json")
+    assert code == 0
+    assert err == ""
+    assert json.loads(out) == json.loads((capture / "matest" / "result.json").read_text("utf-8"))
+
+
+def test_several_captures_go_to_folders_of_their_names(run, capture: Path, tmp_path: Path) -> None:
+    other = Path(shutil.copytree(capture, tmp_path / "other"))
+    code, out, _ = run("estimate", capture, other, "--model", "lambert", "-o", tmp_path / "out")
+    assert code == 0
+    assert (tmp_path / "out" / "ball" / "result.json").is_file()
+    assert (tmp_path / "out" / "other" / "result.json").is_file()
+    assert "relative rms error" in out
+
+
+def test_a_bad_capture_among_several_does_not_stop_the_others(run, capture: Path, tmp_path: Path) -> None:
+    other = Path(shutil.copytree(capture, tmp_path / "other"))
+    (other / "01.png").unlink()
+    code, _, err = run("estimate", other, capture, "--model", "lambert", "-o", tmp_path / "out")
+    assert code == 2
+    assert "01.png" in err
+    assert (tmp_path / "out" / "ball" / "result.json").is_file()
+
+
+def spoil_missing(folder: Path) -> None:
+    (folder / "01.png").unlink()
+
+
+def spoil_truncated(folder: Path) -> None:
+    data = (folder / "01.png").read_bytes()
+    (folder / "01.png").write_bytes(data[: len(data) // 2])
+
+
+def spoil_unreadable(folder: Path) -> None:
+    (folder / "01.png").write_bytes(b"no image at all" * 100 + b"IEND\xaeB`\x82")
+
+
+def spoil_size(folder: Path) -> None:
+    cv2.imwrite(str(folder / "mask.png"), np.full((32, 64), 255, np.uint8))
+
+
+def spoil_no_light(folder: Path) -> None:
+    text = (folder / "capture.toml").read_text("utf-8")
+    lines = ["direction = [0.0, 0.0, -1.0]" if line.startswith("direction") else line for line in text.splitlines()]
+    (folder / "capture.toml").write_text("\n".join(lines), "utf-8")
+
+
+SPOILS = {
+    "missing image": (spoil_missing, ("01.png", "no such file")),
+    "truncated image": (spoil_truncated, ("01.png", "truncated")),
+    "unreadable image": (spoil_unreadable, ("01.png", "cannot be read")),
+    "other size": (spoil_size, ("mask.png", "64×64", "32×64")),
+    "no transfer": (lambda f: edit(f, 'transfer = "linear"', ""), ("capture.toml", "transfer", "--transfer")),
+    "zero light": (
+        lambda f: edit(f, "direction = [0.1, 0.2, 0.97]", "direction = [0.0, 0.0, 0.0]"),
+        ("capture.toml", "image 0", "direction"),
+    ),
+    "NaN light": (
+        lambda f: edit(f, "direction = [0.1, 0.2, 0.97]", "direction = [nan, 0.0, 1.0]"),
+        ("capture.toml", "direction"),
+    ),
+    "no lit pixel": (spoil_no_light, ("no lit pixel", "direction")),
+    "outside": (lambda f: edit(f, 'file = "00.png"', 'file = "../00.png"'), ("../00.png", "outside")),
+    "typo": (lambda f: edit(f, "exposure", "expsure"), ("capture.toml", "expsure", "exposure")),
+}
+
+
+@pytest.mark.parametrize("case", SPOILS)
+def test_bad_input_gets_one_sentence_exit_2_and_leaves_nothing(run, capture: Path, tmp_path: Path, case: str) -> None:
+    edit(capture, "[[image]]\n", "[[image]]\nexposure = 1.0\n")
+    spoil, words = SPOILS[case]
+    spoil(capture)
+    before = sorted(tmp_path.rglob("*"))
+    code, out, err = run("estimate", capture, "--model", "oren-nayar")
+    assert code == 2
+    assert out == ""
+    assert len(err.strip().splitlines()) == 1
+    assert "Traceback" not in err
+    for word in words:
+        assert word in err
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--model", "orennayar"), ("orennayar", "did you mean 'oren-nayar'?")),
+        (("--model", "oren-nayar", "--fix", "sigmma=0.3"), ("sigmma", "did you mean 'sigma'?")),
+        (("--model", "oren-nayar", "--fix", "sigma=40"), ("sigma", "radians")),
+        (("--model", "oren-nayar", "--free", "slope"), ("slope",)),
+        (("--model", "oren-nayar", "--holdout", "7"), ("7", "0 to 2")),
+        (("--model", "oren-nayar", "--holdout", "0,1,2"), ("at least one",)),
+        (("--transfer", "rec709"), ("rec709", "srgb")),
+        (("--device", "cuda:9"), ("cuda:9", "cpu")),
+    ],
+)
+def test_bad_options_get_one_sentence_and_exit_2(run, capture: Path, arguments: tuple, words: tuple) -> None:
+    code, _, err = run("estimate", capture, *arguments)
+    assert code == 2
+    assert len(err.strip().splitlines()) == 1
+    for word in words:
+        assert word in err
+    assert not (capture / "matest").exists()
+
+
+def test_a_folder_that_is_no_result_is_not_replaced(run, capture: Path, tmp_path: Path) -> None:
+    precious = tmp_path / "precious"
+    precious.mkdir()
+    (precious / "thesis.txt").write_text("years of work", "utf-8")
+    code, _, err = run("estimate", capture, "--model", "lambert", "-o", precious)
+    assert code == 2
+    assert "precious" in err
+    assert (precious / "thesis.txt").read_text("utf-8") == "years of work"
+
+
+def test_an_earlier_result_is_replaced_whole(run, capture: Path) -> None:
+    run("estimate", capture, "--model", "lambert")
+    (capture / "matest" / "leftover").touch()
+    assert run("estimate", capture, "--model", "oren-nayar")[0] == 0
+    assert not (capture / "matest" / "leftover").exists()
+    assert [p.name for p in capture.iterdir() if p.name.startswith(".")] == []
+
+
+def test_models_lists_the_catalogue(run) -> None:
+    from matest.brdf import MODELS
+
+    code, out, _ = run("models")
+    assert code == 0
+    assert all(name in out for name in MODELS)
+    listed = json.loads(run("models", "--json")[1])
+    assert listed["oren-nayar"]["parameters"]["sigma"]["unit"] == "rad"
+
+
+def test_help_loads_nothing_heavy() -> None:
+    heavy = "torch|cv2|trimesh|skimage|matplotlib|scipy|kornia|numpy"
+    code = (
+        "import sys, matest\n"
+        f"assert not [m for m in sys.modules if m.split('.')[0] in '{heavy}'.split('|')]\n"
+        "from matest.cli import main\n"
+        "sys.argv = ['matest', '--help']\n"
+        "try: main()\n"
+        "except SystemExit: pass\n"
+        f"assert not [m for m in sys.modules if m.split('.')[0] in '{heavy}'.split('|')]\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "estimate" in done.stdout
+
+
+@pytest.mark.parametrize("command", ["estimate", "predict", "render", "compare", "models"])
+def test_every_command_has_help_with_an_example(run, command: str) -> None:
+    code, out, _ = run(command, "--help")
+    assert code == 0
+    assert f"Example: matest {command}" in out
+
+
+def test_real_photographs_give_honest_error_bars(run, tmp_path: Path) -> None:
+    data = ROOT.parent / "shared" / "data" / "gray_sphere"
+    if not data.is_dir():
+        pytest.skip("the photographs of the grey sphere are not here")
+    code, out, _ = run("estimate", data, "--model", "oren-nayar", "-o", tmp_path / "grey", "--json")
+    assert code == 0
+    content = json.loads(out)
+    assert content["fit"]["status"] == "converged"
+    assert content["fit"]["relative_rmse"] <= 0.075
+    assert content["fit"]["errors"] == "jackknife over images"
+    assert content["parameters"]["sigma"]["std"] > np.deg2rad(0.4)
+    assert any("up to that scale" in warning for warning in content["warnings"])
+
+
+def test_progress_is_silent_in_a_pipe(capture: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "matest", "estimate", str(capture), "--model", "lambert"],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "COLUMNS": "80"},
+    )
+    assert done.returncode == 0
+    assert done.stderr == ""

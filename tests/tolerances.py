@@ -1,0 +1,57 @@
+"""Every tolerance of the tests of models and directions. A looser one needs its reason beside it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+# float64 against 50 digits or against the same quantity by another route: rounding grows with the exponent of a lobe
+# (700 at the edge of underflow), so a few thousand units in the last place.
+INDEPENDENT = 1e-12
+# Values below this are underflow of a lobe, where relative accuracy has no meaning.
+UNDERFLOW = 1e-290
+# Nine printed digits: half a unit of the last one, worst for a leading 1.
+NINE_DIGITS = 5e-9
+# Albedos printed to three decimals: half a unit, and the error of the quadrature.
+THREE_DECIMALS = 6e-4
+TWO_DECIMALS = 5.5e-3
+# White lobe against an integral over facet slopes: f0 stops 1e-4 short of 1, and the quadrature crosses kinks of G.
+PERFECT_REFLECTOR = 4e-4
+# float32 against float64 on the same float32 inputs, relative or as a fraction of the model's peak.
+FLOAT32 = 1e-4
+FLOAT32_OF_PEAK = 1e-6
+# cos 89.9°: closer to grazing float32 is not held to `FLOAT32`.
+NEARLY_GRAZING = 1.75e-3
+# Geometry in float32: a few units in the last place.
+FLOAT32_GEOMETRY = 2e-6
+# Central differences with a step of 1e-6: 1e-10 of rounding, and third derivatives of the sharpest lobe drawn.
+DIFFERENCES = 1e-6
+# White furnace: error of the quadrature for the narrowest lobe it sees (slope or sigma 0.1).
+FURNACE = 1e-3
+# A smooth function integrated over the hemisphere.
+NORMALISATION = 1e-9
+# Albedo of a lobe of slope 0.05 against the reflectance at its centre: the lobe averages over 3 degrees.
+SMOOTH_LIMIT = 0.01
+# Unconstrained and back: the logistic loses digits near the ends of a domain.
+ROUND_TRIP = 1e-12
+ROUND_TRIP_FLOAT32 = 1e-5
+# Values at an end of their domain are taken this far inside it, as a fraction of its width.
+END_OF_DOMAIN = 1.1e-6
+
+
+class Excess(NamedTuple):
+    """Largest directional albedo of a model that reflects more light than arrives, and why."""
+
+    largest: float
+    reason: str
+
+
+# The only ones allowed to exceed 1 in a white furnace with light up to 89.5 degrees from the normal.
+ALBEDO_EXCESS = {
+    "oren-nayar": Excess(
+        1.048, "eq. 14-16 are a fit: above 1 at oblique incidence for albedo > 0.95, sigma 5 to 30 deg"
+    ),
+    "oren-nayar-qualitative": Excess(1.015, "eq. 17 is a fit: above 1 at oblique incidence for sigma 5 to 20 deg"),
+    "torrance-sparrow": Excess(10.84, "literal 1967 form, not normalised: specular carries the constant"),
+    "cook-torrance(normalisation=ngan)": Excess(1.274, "divisor pi instead of 4: 4/pi times the physical lobe"),
+    "cook-torrance(normalisation=paper1982)": Excess(4.0, "the printed 1/pi beside D without its 1/pi: 4 times"),
+}
