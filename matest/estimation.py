@@ -308,7 +308,7 @@ def _message(solution: Solution, uncertainty: _Uncertainty) -> str:
             f"{solution.last_step:.2g} standard errors."
         )
     if uncertainty.holds:
-        return f"Converged; the model describes the images to their noise (χ² per value {uncertainty.chi2:.3g})."
+        return f"Converged; the model describes the images to their noise (χ² per value {uncertainty.chi2:.2f})."
     if uncertainty.kind == "fisher":
         return f"Converged; residuals are {math.sqrt(uncertainty.chi2):.3g} times the noise, error bars scaled by that."
     reason = f"residuals are {math.sqrt(uncertainty.chi2):.3g} times as large"

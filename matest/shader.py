@@ -15,7 +15,6 @@ from matest.errors import InputError
 from matest.scene import Points, Scene
 
 _NODES = 33  # cosines at which the reflectance under an even sky is tabulated
-_NORMAL_PAIR = (torch.tensor([[0.0, 0.0, 1.0]]), torch.tensor([[0.0, 0.0, 1.0]]))
 _POLAR, _AZIMUTH = 64, 64  # Gauss-Legendre nodes over a quarter of the sphere's polar and half its azimuth range
 
 
@@ -79,7 +78,7 @@ def reflectance(brdf: Brdf, cos_o: Tensor) -> Tensor:
     """
     nodes = sky_nodes(cos_o.dtype, cos_o.device)
     values = brdf.to(cos_o.dtype, cos_o.device)
-    factors = {factor for factors, _ in values.terms(Directions(*_NORMAL_PAIR)) for factor in factors}
+    factors = values.factors
     lobes = [name for name, value in values.parameters.items() if name not in factors and value.ndim > 1]
     if lobes:
         raise InputError(

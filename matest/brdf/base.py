@@ -65,6 +65,13 @@ class Brdf:
         return {name: getattr(self, name) for name in self.declared}
 
     @property
+    def factors(self) -> set[str]:
+        """Names of the parameters that only multiply shapes: the amplitudes."""
+        normal = torch.tensor([[0.0, 0.0, 1.0]])
+        anywhere = self.replace({name: torch.tensor(0.5) for name in self.declared})
+        return {factor for factors, _ in anywhere.terms(Directions(normal, normal)) for factor in factors}
+
+    @property
     def expression(self) -> str:
         """The string that names this model and its options, as `--model` takes it."""
         changed = [

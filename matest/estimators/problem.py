@@ -11,7 +11,6 @@ import torch
 from torch import Tensor
 
 from matest.brdf import Brdf
-from matest.directions import Directions
 from matest.parameters import Domain, Parameter
 
 
@@ -50,9 +49,7 @@ class Problem:
 
     @cached_property
     def _factors(self) -> set[str]:
-        normal = torch.tensor([[0.0, 0.0, 1.0]], dtype=torch.float64)
-        names = {factor for factors, _ in self.brdf.terms(Directions(normal, normal)) for factor in factors}
-        return {self.ties.get(name, name) for name in names}
+        return {self.ties.get(name, name) for name in self.brdf.factors}
 
     def declared(self, name: str) -> Parameter:
         return self.brdf.declared[name]

@@ -33,6 +33,11 @@ def rows(name: str, parameter: ParameterEstimate, channels: tuple[str, ...]) -> 
     ]
 
 
+def chi2(value: float) -> str:
+    """χ² per value: two decimals near 1, three digits far from it."""
+    return f"{value:.2f}" if value < 100 else f"{value:.3g}"
+
+
 def channel_names(count: int) -> tuple[str, ...]:
     return ("R", "G", "B") if count == 3 else tuple(str(k) for k in range(count))
 

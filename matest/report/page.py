@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from html import escape
 
-from matest.report.format import channel_names, rows
+from matest.report.format import channel_names, chi2, rows
 from matest.report.pictures import RESIDUAL_RANGE
 from matest.result import Estimate
 
@@ -14,6 +14,7 @@ body { font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto
 h1 { font-size: 1.5rem; margin-bottom: 0; } h2 { font-size: 1.1rem; margin-top: 2rem; }
 .lead { color: var(--soft); margin-top: .2rem; }
 table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
+td:nth-child(2), td:nth-child(3) { white-space: nowrap; } table.words td:nth-child(3) { white-space: normal; }
 th, td { text-align: left; padding: .3rem .8rem .3rem 0; border-bottom: 1px solid var(--line); vertical-align: top; }
 th { font-weight: 600; } .warning { border-left: 4px solid #c80; padding-left: .8rem; margin: .4rem 0; }
 .images { display: grid; grid-template-columns: repeat(3, 1fr); gap: .8rem; }
@@ -48,11 +49,11 @@ def page(estimate: Estimate, images: int) -> str:
             [
                 (
                     f"{fit.relative_rmse:.2%}",
-                    f"{fit.reduced_chi2:.3g}",
+                    chi2(fit.reduced_chi2),
                     f"{fit.samples_used:,}",
                     f"{fit.samples:,}",
                     str(fit.iterations),
-                    fit.errors,
+                    fit.errors.replace("fisher", "Fisher information"),
                 )
             ],
         ),
@@ -61,11 +62,12 @@ def page(estimate: Estimate, images: int) -> str:
         left = ", ".join(map(str, estimate.holdout["images"]))
         parts.append(f"<p>Images left out ({left}): relative rms error {estimate.holdout['relative_rmse']:.2%}.</p>")
     if estimate.candidates:
-        parts.append("<h2>Models tried</h2>")
+        parts.append("<h2>Models tried, and their error on images left out of the fit</h2>")
         parts.append(
             _table(
-                ("model", "error on images left out", "verdict"),
+                ("model", "error", "verdict"),
                 [(c.model, f"{c.relative_rmse:.2%}", c.reason) for c in estimate.candidates],
+                "words",
             )
         )
     parts.append("<h2>Images</h2>")
@@ -96,10 +98,14 @@ def _channels(estimate: Estimate) -> int:
     return max((len(p.value) for p in estimate.parameters.values() if isinstance(p.value, list)), default=1)
 
 
-def _table(head: tuple[str, ...], body: list[tuple[str, ...]]) -> str:
+def _table(head: tuple[str, ...], body: list[tuple[str, ...]], kind: str = "") -> str:
     cells = "".join(f"<th>{escape(cell)}</th>" for cell in head)
-    lines = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in body)
-    return f"<table><thead><tr>{cells}</tr></thead><tbody>{lines}</tbody></table>"
+    lines = "".join("<tr>" + "".join(f"<td>{_cell(cell)}</td>" for cell in row) + "</tr>" for row in body)
+    return f'<table class="{kind}"><thead><tr>{cells}</tr></thead><tbody>{lines}</tbody></table>'
+
+
+def _cell(text: str) -> str:
+    return escape(text).replace("\n", "<br>")
 
 
 def _skipped(estimate: Estimate) -> str:
