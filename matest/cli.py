@@ -118,6 +118,7 @@ def predict(
 
     Writes linear radiance (NN.exr), pictures and prediction.json to OUT (default: RESULT/predict-<capture name>).
     """
+    from matest.estimation import image_errors
     from matest.report.folder import check_destination, write_prediction
     from matest.result import load_material
 
@@ -128,8 +129,8 @@ def predict(
     with _progress(str(capture)) as say:
         loaded = _load(capture, transfer, None, say)
         say("shading")
-        renders, errors = matest.predict(material, loaded)
-        write_prediction(renders, errors, loaded, place)
+        errors = image_errors(loaded, material, range(len(loaded)))
+        write_prediction(material, errors, loaded, place)
     if as_json:
         names = [file.name for file in loaded.files]
         _print_json({"out": str(place), "relative_rmse": dict(zip(names, errors, strict=True))})

@@ -54,20 +54,29 @@ def render(
 
     Differentiable in the material (and in lights, normals and positions of the scene that require gradients).
     """
+    return torch.stack([render_image(scene, k, material, dtype=dtype, device=device) for k in range(len(scene))])
+
+
+def render_image(
+    scene: Scene,
+    image: int,
+    material: Brdf,
+    *,
+    dtype: torch.dtype = torch.float32,
+    device: torch.device | str = "cpu",
+) -> Tensor:
+    """One of the images of `render`, [H, W, C]."""
     height, width = scene.surface.shape
     count = len(scene.surface)
+    parts = []
+    for tile in torch.arange(count).split(1 << 16):
+        own = {name: v[tile] for name, v in material.parameters.items() if v.ndim > 1 and len(v) == count > 1}
+        points = scene.points(image, tile, dtype=dtype, device=device)
+        parts.append(shade(material.replace(own), points).expand(-1, scene.channels))
+    radiance = torch.cat(parts)
+    flat = radiance.new_zeros(height * width, radiance.shape[-1])
     index = torch.from_numpy(scene.surface.pixels).to(device)
-    images = []
-    for image in range(len(scene)):
-        parts = []
-        for tile in torch.arange(count).split(1 << 16):
-            own = {name: v[tile] for name, v in material.parameters.items() if v.ndim > 1 and len(v) == count > 1}
-            points = scene.points(image, tile, dtype=dtype, device=device)
-            parts.append(shade(material.replace(own), points).expand(-1, scene.channels))
-        radiance = torch.cat(parts)
-        flat = radiance.new_zeros(height * width, radiance.shape[-1])
-        images.append(flat.index_copy(0, index, radiance).reshape(height, width, -1))
-    return torch.stack(images)
+    return flat.index_copy(0, index, radiance).reshape(height, width, -1)
 
 
 def reflectance(brdf: Brdf, cos_o: Tensor) -> Tensor:

@@ -26,7 +26,7 @@ from matest.capture.images import read_image, write_image
 from matest.capture.photometry import Encoding, Noise
 from matest.errors import InputError
 from matest.scene import Scene
-from matest.shader import render
+from matest.shader import render_image
 from matest.specification import resolve
 
 # Exposure of integer images whose scale is not given: the brightest pixel at this share of full scale.
@@ -83,12 +83,12 @@ def load_scene(path: str | Path) -> SceneDescription:
     return SceneDescription(file, tables, shape, channels, material, scene, factor)
 
 
-def radiance(description: SceneDescription) -> np.ndarray:
-    """Noise-free radiance [K, H, W, C], float64, averaged over each pixel where the scene asks for supersampling."""
-    images = render(description.scene, description.material, dtype=torch.float64).detach().numpy()
+def radiance(description: SceneDescription, image: int) -> np.ndarray:
+    """Noise-free radiance [H, W, C] of one image, float64, averaged over each pixel if the scene is supersampled."""
+    fine = render_image(description.scene, image, description.material, dtype=torch.float64).detach().numpy()
     factor = description.factor
-    count, height, width, channels = images.shape
-    return images.reshape(count, height // factor, factor, width // factor, factor, channels).mean(axis=(2, 4))
+    height, width, channels = fine.shape
+    return fine.reshape(height // factor, factor, width // factor, factor, channels).mean(axis=(1, 3))
 
 
 def simulate(
@@ -113,19 +113,18 @@ def simulate(
     target = folder / "capture.toml"
     if target.exists() and not target.read_text("utf-8").startswith(_HEADER.split("{")[0]):
         raise InputError(f"{target}: exists and was not written by 'matest render'; give another folder with -o.")
-    images = radiance(description)
     bits = tables.noise.bits if tables.noise else None
-    encoding = _encoding(tables, description, images, integer=bits is not None)
+    encoding = _encoding(description, integer=bits is not None)
     noise = Noise(tables.noise.read, tables.noise.gain) if tables.noise else Noise(0.0, 0.0)
     generator = np.random.Generator(np.random.Philox(tables.noise.seed if tables.noise else 0))
     folder.mkdir(parents=True, exist_ok=True)
     names = []
-    for number, (image, table) in enumerate(zip(images, tables.image, strict=True)):
-        pixels = _expose(image, table.exposure, encoding, noise, generator)
+    for number, table in enumerate(tables.image):
+        pixels = _expose(radiance(description, number), table.exposure, encoding, noise, generator)
         name = table.file or f"{number:02d}.{'png' if bits else 'exr'}"
         _replace(folder / name, _stored(pixels, encoding, bits))
         names.append(name)
-        progress(number + 1, len(images))
+        progress(number + 1, len(tables.image))
     _write_geometry(description, folder)
     text = _HEADER.format(scene=file.name) + _toml(_capture_table(description, encoding, names))
     temporary = target.with_suffix(".toml.part")
@@ -195,17 +194,15 @@ def _enlarged(tables: schema.SceneFile, factor: int) -> schema.SceneFile:
     return fine
 
 
-def _encoding(
-    tables: schema.SceneFile, description: SceneDescription, images: np.ndarray, *, integer: bool
-) -> Encoding:
+def _encoding(description: SceneDescription, *, integer: bool) -> Encoding:
+    tables = description.tables
     table = msgspec.structs.replace(tables.encoding, transfer=tables.encoding.transfer or "linear")
     if table.flat is not None or isinstance(table.black, str):
         raise InputError(
             f"{description.file}: a simulated camera has no flat field or dark frame; use a number for black."
         )
     if table.scale is None and integer:
-        exposures = np.array([image.exposure for image in tables.image])
-        peak = float((images.max(axis=(1, 2, 3)) * exposures).max())
+        peak = max(float(radiance(description, k).max()) * image.exposure for k, image in enumerate(tables.image))
         # Two digits are enough, and leave the file readable.
         step = 10 ** math.floor(math.log10(peak / _EXPOSED)) / 10 if peak > 0 else 1.0
         table.scale = float(f"{math.ceil(peak / _EXPOSED / step) * step:.6g}")

@@ -42,7 +42,8 @@ def vase() -> trimesh.Trimesh:
 def figure_13(folder: Path) -> None:
     """Photograph, both models and their cross-sections, lit from the viewer and from 20° to the right."""
     capture = matest.load_capture(folder)
-    truth = radiance(load_scene(folder / "noise-free.toml"))
+    noise_free = load_scene(folder / "noise-free.toml")
+    truth = [radiance(noise_free, number) for number in range(len(capture))]
     shaded = {}
     for name in ("oren-nayar", "lambert"):
         shaded[name], _ = matest.predict(matest.estimate(capture, name).material, capture)

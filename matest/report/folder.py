@@ -12,15 +12,14 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
+from matest.brdf import Brdf
 from matest.capture import Capture
 from matest.capture.images import write_image
 from matest.errors import InputError
 from matest.report.page import page
 from matest.report.pictures import write_pictures
 from matest.result import Estimate
-from matest.shader import render
+from matest.shader import render_image
 
 
 def check_destination(out: Path, marker: str) -> None:
@@ -64,8 +63,7 @@ def write_result(
     clock = time.perf_counter()
     progress("writing the report")
     with whole_folder(out) as folder:
-        renders = render(capture.scene, estimate.material).detach().numpy()
-        write_pictures(capture, renders, folder)
+        write_pictures(capture, estimate.material, folder)
         _write_json(folder / "material.json", estimate.material_dict())
         timing = {**estimate.timing_s, "report": time.perf_counter() - clock}
         timing["total"] = sum(timing.values())
@@ -79,13 +77,14 @@ def _write_json(path: Path, content: dict) -> None:
     path.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", "utf-8")
 
 
-def write_prediction(renders: np.ndarray, errors: list[float], capture: Capture, out: Path) -> None:
+def write_prediction(material: Brdf, errors: list[float], capture: Capture, out: Path) -> None:
     """Write predicted images: `NN.exr` (linear radiance), the pictures of `write_pictures`, `prediction.json`."""
     check_destination(out, "prediction.json")
     with whole_folder(out) as folder:
-        for number, image in enumerate(renders):
+        for number in range(len(capture)):
+            image = render_image(capture.scene, number, material).detach().numpy()
             write_image(folder / f"{number:02d}.exr", image)
-        write_pictures(capture, renders, folder)
+        write_pictures(capture, material, folder)
         images = [
             {"image": file.name, "prediction": f"{number:02d}.exr", "relative_rmse": error}
             for number, (file, error) in enumerate(zip(capture.files, errors, strict=True))

@@ -7,16 +7,18 @@ from pathlib import Path
 
 import numpy as np
 
+from matest.brdf import Brdf
 from matest.capture import Capture
 from matest.capture.images import write_image
 from matest.capture.photometry import srgb
 from matest.profiles import cross_section, middle_row
+from matest.shader import render_image
 
 # The residual picture shows differences up to this share of the photograph's rms brightness.
 RESIDUAL_RANGE = 0.1
 
 
-def write_pictures(capture: Capture, renders: np.ndarray, folder: Path) -> None:
+def write_pictures(capture: Capture, material: Brdf, folder: Path) -> None:
     """`images/NN_photo.png`, `NN_render.png`, `NN_residual.png` and `profile.csv`.
 
     Photograph and render share one exposure. In the residual red is a photograph brighter than the model, blue a
@@ -24,14 +26,15 @@ def write_pictures(capture: Capture, renders: np.ndarray, folder: Path) -> None:
 
     Args:
         capture: the photographs.
-        renders: radiance of the material [K, H, W, C].
+        material: what to shade under the capture's lights.
         folder: where to write.
     """
     (folder / "images").mkdir(parents=True, exist_ok=True)
     surface = capture.scene.surface
     columns: dict[str, np.ndarray] = {}
     line = _object_row(surface.mask)
-    for number, render in enumerate(renders):
+    for number in range(len(capture)):
+        render = render_image(capture.scene, number, material).detach().numpy()
         photo = surface.image(capture.radiance(number))
         lit = photo[surface.mask]
         white = float(np.quantile(lit.max(axis=1), 0.995)) or 1.0
