@@ -116,7 +116,7 @@ def predict(
 ) -> None:
     """Shade an estimated material under a capture's lights and compare with its photographs.
 
-    Writes linear radiance (NN.exr), pictures and prediction.json to OUT (default: RESULT/predict-<capture name>).
+    Writes linear radiance (NN.exr), pictures and prediction.json to OUT (default: RESULT-predict-<capture name>).
     """
     from matest.estimation import image_errors
     from matest.report.folder import check_destination, write_prediction
@@ -124,20 +124,19 @@ def predict(
 
     material = load_material(result)
     folder = result if result.is_dir() else result.parent
-    place = out or folder / f"predict-{capture.absolute().name}"
+    place = out or folder.with_name(f"{folder.name}-predict-{_folder(capture).name}")
     check_destination(place, "prediction.json")
     with _progress(str(capture)) as say:
         loaded = _load(capture, transfer, None, say)
         say("shading")
-        errors = image_errors(loaded, material, range(len(loaded)))
+        errors = image_errors(loaded, material)
         write_prediction(material, errors, loaded, place)
     if as_json:
-        names = [file.name for file in loaded.files]
-        _print_json({"out": str(place), "relative_rmse": dict(zip(names, errors, strict=True))})
+        _print_json({"out": str(place), "relative_rmse": dict(zip(loaded.names, errors, strict=True))})
         return
     from matest.report.tables import prediction_table
 
-    _console().print(prediction_table(errors, [file.name for file in loaded.files]), f"Written to {place}")
+    _console().print(prediction_table(errors, loaded.names), f"Written to {place}")
 
 
 @app.command(epilog="Example: matest render renders/vase/scene.toml -o vase-capture")
@@ -271,16 +270,20 @@ def _report_estimates(outcomes: dict[str, Any], places: dict[Path, Path], as_jso
 def _places(captures: list[Path], out: Path | None) -> dict[Path, Path]:
     """Where the result of each capture goes."""
     if len(captures) == 1:
-        folder = captures[0] if captures[0].is_dir() else captures[0].parent
-        return {captures[0]: out or folder / "matest"}
-    names = [(path if path.is_dir() else path.parent).absolute().name for path in captures]
+        return {captures[0]: out or _folder(captures[0]) / "matest"}
+    names = [_folder(path).name for path in captures]
     if out is not None and len(set(names)) < len(names):
         raise InputError(f"two captures have the same name ({', '.join(sorted(names))}); estimate them one by one.")
-    folders = [path if path.is_dir() else path.parent for path in captures]
     return {
-        path: out / name if out is not None else folder / "matest"
-        for path, name, folder in zip(captures, names, folders, strict=True)
+        path: _folder(path) / "matest" if out is None else out / name
+        for path, name in zip(captures, names, strict=True)
     }
+
+
+def _folder(capture: Path) -> Path:
+    """The folder of a capture given by folder or by file."""
+    capture = Path(os.path.abspath(capture))
+    return capture if capture.is_dir() else capture.parent
 
 
 @contextmanager

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -13,27 +13,17 @@ from torch import Tensor
 
 from matest.brdf import Brdf, Sum
 from matest.capture import Capture, Samples
-from matest.capture.samples import BLOCKS
+from matest.error_bars import ErrorBars, error_bars, flat_at_bound, parameter_estimate, parameter_estimates
 from matest.errors import InputError
-from matest.estimators import Problem, Solution, accumulate, all_tiles, at_bound, bounded_step, fit
+from matest.estimators import AllTiles, Problem, Solution, accumulate, fit
 from matest.result import Candidate, Estimate, Fit, ParameterEstimate
 from matest.selection import select
 from matest.shader import render
 from matest.specification import Constraints, Specification, Value, freed, specify
-from matest.uncertainty import Covariance, correlation_of_residuals, fisher, jackknife, quantile95
+from matest.uncertainty import fisher
 
-# χ² per value above this says that the model does not hold: stated noise is exact, noise estimated from the pictures
-# is known to some per cent.
-_HOLDS_STATED, _HOLDS_ESTIMATED = 1.03, 1.10
-# Scores of blocks of pixels that scatter this many times as much as independent residuals' do: not independent.
-_CORRELATED = 2.0
-# With fewer images, blocks of pixels serve as clusters.
-_MIN_IMAGES = 4
 # A parameter held by default is freed when its predicted relative error is below this.
 _WORTH_FREEING = 0.25
-# No better known than a value drawn evenly from the domain (its std is width/√12): not determined.
-_KNOWS_NOTHING = 1 / math.sqrt(12)
-
 Progress = Callable[[str], None]
 
 
@@ -76,126 +66,87 @@ def estimate(
         model, candidates = select(samples, constraints, seed, progress)
     specification = specify(model, constraints, channels=capture.channels, relative=capture.relative)
     solution = fit(specification.problem, samples, seed, progress)
-    determined = _worth_freeing(specification, solution, samples)
-    if determined:
-        specification = freed(specification, determined)
-        problem = replace(specification.problem, gauge_limit=solution.problem.gauge_limit)
-        solution = fit(problem, samples, seed, progress, _widened(problem, solution))
-
-    uncertainty = _uncertainty(solution, capture, len(images))
+    bars = error_bars(solution, capture)
+    wider = freed(specification, _worth_freeing(specification, solution, samples))
+    if wider.problem.free != specification.problem.free:
+        problem = replace(wider.problem, gauge_limit=solution.problem.gauge_limit)
+        again = fit(problem, samples, seed, progress, _widened(problem, solution))
+        judged = error_bars(again, capture)
+        # What looked determined by its Fisher error may not be by an honest one.
+        if all(parameter_estimate(again, judged, name).status != "not determined" for name in problem.free):
+            specification, solution, bars = wider, again, judged
+    bars = replace(bars, quadratic=flat_at_bound(solution, bars, samples))
     material = solution.problem.material(solution.unknowns)
     statistics = solution.statistics
-    parameters = _parameters(solution, uncertainty)
+    parameters = parameter_estimates(solution, bars)
     outcome = Fit(
         rmse=math.sqrt(statistics.total("squared_residual") / max(statistics.total("values"), 1)),
         relative_rmse=_relative(statistics.total("squared_residual"), statistics.total("squared_signal")),
-        reduced_chi2=uncertainty.chi2,
+        reduced_chi2=bars.chi2,
         samples=len(samples),
         samples_used=int(statistics.total("samples")),
         iterations=solution.iterations,
         status="converged" if solution.converged else "not converged",
-        message=_message(solution, uncertainty),
-        errors=uncertainty.kind,
+        message=_message(solution, bars),
+        errors=bars.kind,
     )
     left_out = None
     if holdout:
-        errors = image_errors(capture, material, holdout)
-        left_out = {"images": list(holdout), "relative_rmse": math.sqrt(float(np.mean(np.square(errors))))}
-    fit_s = time.perf_counter() - clock
+        left_out = {"images": sorted(set(holdout)), "relative_rmse": relative_error(capture, material, set(holdout))}
+    # Noise belongs to the fit: reading is decoding, geometry is normals, rays and directions.
+    fit_s = time.perf_counter() - clock + capture.timing["noise"]
     return Estimate(
         capture=capture.name,
         model=material.expression,
         material=material,
         parameters=parameters,
         labels=solution.problem.labels,
-        correlation=uncertainty.covariance.correlation.tolist(),
+        correlation=bars.covariance.correlation.tolist(),
         fit=outcome,
         relative=capture.relative,
         candidates=candidates,
         skipped=_skipped(samples, specification, material),
-        timing_s={**capture.timing, "fit": fit_s},
+        timing_s={"read": capture.timing["read"], "geometry": capture.timing["geometry"], "fit": fit_s},
         holdout=left_out,
-        warnings=_warnings(capture, specification, solution, parameters, uncertainty),
+        warnings=_warnings(capture, specification, solution, parameters, bars),
     )
 
 
-def predict(material: Brdf, capture: Capture) -> tuple[np.ndarray, list[float]]:
+def predict(material: Brdf, capture: Capture) -> tuple[np.ndarray, list[float | None]]:
     """Radiance images [K, H, W, C] of a material under a capture's lights, and the relative error of each image.
 
-    The error is the rms difference over the rms signal on the usable pixels of the photograph.
+    The error is the rms difference over the rms signal on the usable pixels of the photograph; None if it has none.
+
+    Raises:
+        InputError: the material has a value per channel for another number of channels.
     """
-    images = render(capture.scene, material).detach().numpy()
-    return images, image_errors(capture, material, range(len(capture)))
+    errors = image_errors(capture, material)
+    return render(capture.scene, material).detach().numpy(), errors
 
 
-def image_errors(capture: Capture, material: Brdf, images: Sequence[int]) -> list[float]:
-    """Relative rms error of the shaded material against each of some photographs, over their usable pixels."""
-    specification = specify(material.expression, Constraints(), channels=capture.channels, relative=True)
-    problem = replace(specification.problem, free=(), held=material.parameters, ties={})
-    errors = []
-    for image in images:
-        nothing = torch.zeros(0, dtype=torch.float64)
-        statistics = accumulate(problem, nothing, all_tiles(capture.samples([image])), nothing)
-        errors.append(_relative(statistics.total("squared_residual"), statistics.total("squared_signal")))
-    return errors
+def image_errors(capture: Capture, material: Brdf) -> list[float | None]:
+    """Relative rms error of the shaded material against each photograph; None where it has no usable pixel."""
+    return [relative_error(capture, material, [image]) for image in range(len(capture))]
 
 
-@dataclass(frozen=True)
-class _Uncertainty:
-    """Error bars of a solution.
+def relative_error(capture: Capture, material: Brdf, images: Iterable[int]) -> float | None:
+    """Rms difference between photographs and the shaded material, over the rms signal of their usable pixels.
 
-    Attributes:
-        covariance: with parameters at a bound left out.
-        open: the same with them let free: how far inside the domain the truth may lie.
-        bound: unknowns at a bound [P].
-        chi2: per value.
-        correlation: of residuals over blocks of pixels: 1 if they are independent.
-        holds: whether the model describes the images to their noise.
-        kind: what the error bars rest on.
+    Raises:
+        InputError: see `predict`.
     """
-
-    covariance: Covariance
-    open: Covariance
-    bound: Tensor
-    chi2: float
-    correlation: float
-    holds: bool
-    kind: str
-
-
-def _uncertainty(solution: Solution, capture: Capture, images: int) -> _Uncertainty:
-    problem, statistics = solution.problem, solution.statistics
-    values = max(statistics.total("values"), 1)
-    chi2 = statistics.total("chi2") / values
-    bound = at_bound(problem, solution.unknowns, statistics.gradient)
-    everything = torch.ones_like(bound)
-    scale = max(chi2, 1.0)
-    closed, opened = (fisher(statistics.information / scale, free) for free in (~bound, everything))
-    blocks = [sums.gradient / scale for sums in statistics.clusters.values()]
-    correlation = correlation_of_residuals(blocks, closed)
-    allowed = (_HOLDS_STATED if capture.noise_given else _HOLDS_ESTIMATED) + 5 * math.sqrt(2 / values)
-    holds = chi2 <= allowed and correlation <= _CORRELATED
-    clusters = statistics.grouped(BLOCKS) if images >= _MIN_IMAGES else statistics
-    if holds or len(clusters.clusters) < _MIN_IMAGES:
-        return _Uncertainty(closed, opened, bound, chi2, correlation, holds, "fisher")
-    informations = [sums.information for sums in clusters.clusters.values()]
-    gradients = [sums.gradient for sums in clusters.clusters.values()]
-
-    def inside(information: Tensor, gradient: Tensor) -> Tensor:
-        return bounded_step(problem, solution.unknowns, information, gradient)
-
-    def anywhere(information: Tensor, gradient: Tensor) -> Tensor:
-        return fisher(information, everything).matrix @ gradient
-
-    return _Uncertainty(
-        jackknife(informations, gradients, ~bound, inside),
-        jackknife(informations, gradients, everything, anywhere),
-        bound,
-        chi2,
-        correlation,
-        holds,
-        "jackknife over images" if images >= _MIN_IMAGES else "jackknife over blocks",
-    )
+    lengths = {len(value) for value in material.parameters.values() if value.ndim == 1} - {1, capture.channels}
+    if lengths:
+        raise InputError(
+            f"{capture.name}: the images have {capture.channels} channel(s), but the material was estimated for "
+            f"{max(lengths)}; estimate it from images with the same channels."
+        )
+    problem = Problem(material, capture.channels, (), material.parameters, {})
+    nothing = torch.zeros(0, dtype=torch.float64)
+    statistics = accumulate(problem, nothing, AllTiles(capture.samples(images)), nothing)
+    if not statistics.clusters:
+        return None
+    return _relative(statistics.total("squared_residual"), statistics.total("squared_signal"))
 
 
 def _worth_freeing(specification: Specification, solution: Solution, samples: Samples) -> list[str]:
@@ -205,7 +156,7 @@ def _worth_freeing(specification: Specification, solution: Solution, samples: Sa
         return []
     wider = freed(specification, names).problem
     unknowns = _widened(wider, solution)
-    statistics = accumulate(wider, unknowns, all_tiles(samples), unknowns)
+    statistics = accumulate(wider, unknowns, AllTiles(samples), unknowns)
     covariance = fisher(statistics.information / statistics.misfit, torch.ones(wider.size, dtype=torch.bool))
     chosen = []
     for name in names:
@@ -220,61 +171,6 @@ def _widened(wider: Problem, solution: Solution) -> Tensor:
     """The unknowns of a problem with more free parameters at the values of a solution."""
     values = solution.problem.values(solution.unknowns)
     return torch.cat([torch.atleast_1d(values[name]).expand(wider.count(name)) for name in wider.free])
-
-
-def _parameters(solution: Solution, uncertainty: _Uncertainty) -> dict[str, ParameterEstimate]:
-    problem = solution.problem
-    values = problem.values(solution.unknowns)
-    out = {}
-    for name, declared in problem.brdf.declared.items():
-        source = problem.ties.get(name, name)
-        value = values[name]
-        if source in problem.where:
-            found = _estimated(solution, uncertainty, source)
-            status = "tied" if source != name else found.status
-            out[name] = replace(found, status=status, unit=declared.unit, doc=declared.doc)
-        elif not declared.gauge:
-            out[name] = ParameterEstimate(value.tolist(), None, None, declared.unit, "fixed", declared.doc)
-    return out
-
-
-def _estimated(solution: Solution, uncertainty: _Uncertainty, name: str) -> ParameterEstimate:
-    """Value, error bar and interval of a free parameter, channel by channel."""
-    problem, place = solution.problem, solution.problem.where[name]
-    domain, declared = problem.domain(name), problem.declared(name)
-    reach = quantile95(uncertainty.covariance.degrees)
-    values: list[float | None] = []
-    stds: list[float | None] = []
-    intervals: list[list[float] | None] = []
-    states = []
-    for position in range(place.start, place.stop):
-        value = float(solution.unknowns[position])
-        at_end = bool(uncertainty.bound[position])
-        covariance = uncertainty.open if at_end else uncertainty.covariance
-        std = float(covariance.std[position])
-        largest = _KNOWS_NOTHING * declared.domain.width if math.isfinite(declared.domain.width) else math.inf
-        if declared.log:
-            largest = min(largest, 0.5 * value)
-        if bool(covariance.undetermined[position]) or (std > largest and not at_end):
-            values.append(None)
-            stds.append(None)
-            intervals.append(None)
-            states.append("not determined")
-            continue
-        values.append(value)
-        stds.append(None if at_end else std)
-        intervals.append([max(domain.lower, value - reach * std), min(domain.upper, value + reach * std)])
-        states.append("at bound" if at_end else "determined")
-    status = next(state for state in ("not determined", "at bound", "determined") if state in states)
-    single = len(values) == 1
-    return ParameterEstimate(
-        values[0] if single else values,
-        stds[0] if single else stds,
-        intervals[0] if single else intervals,
-        declared.unit,
-        status,
-        declared.doc,
-    )
 
 
 def _fitted_images(capture: Capture, holdout: Sequence[int]) -> tuple[int, ...]:
@@ -301,24 +197,17 @@ def _relative(squared_residual: float, squared_signal: float) -> float:
     return math.sqrt(squared_residual / squared_signal) if squared_signal > 0 else 0.0
 
 
-def _message(solution: Solution, uncertainty: _Uncertainty) -> str:
+def _message(solution: Solution, bars: ErrorBars) -> str:
     if not solution.converged:
         return (
             f"Not converged: after {solution.iterations} passes the next step would still move the estimate by "
             f"{solution.last_step:.2g} standard errors."
         )
-    if uncertainty.holds:
-        return f"Converged; the model describes the images to their noise (χ² per value {uncertainty.chi2:.2f})."
-    if uncertainty.kind == "fisher":
-        return f"Converged; residuals are {math.sqrt(uncertainty.chi2):.3g} times the noise, error bars scaled by that."
-    reason = f"residuals are {math.sqrt(uncertainty.chi2):.3g} times as large"
-    if uncertainty.correlation > _CORRELATED and uncertainty.chi2 < _HOLDS_ESTIMATED:
-        reason = (
-            f"residuals lean the same way over whole regions, {math.sqrt(uncertainty.correlation):.3g} times chance"
-        )
-    return (
-        f"Converged; the model does not hold to the noise ({reason}), so error bars come from the {uncertainty.kind}."
-    )
+    if bars.holds:
+        return f"Converged; the model describes the images to their noise (χ² per value {bars.chi2:.2f})."
+    if bars.kind == "fisher":
+        return f"Converged; residuals are {math.sqrt(bars.chi2):.3g} times the noise, error bars scaled by that."
+    return f"Converged; the model does not hold to the noise ({bars.reason}), so error bars come from the {bars.kind}."
 
 
 def _skipped(samples: Samples, specification: Specification, material: Brdf) -> dict:
@@ -341,7 +230,7 @@ def _warnings(
     specification: Specification,
     solution: Solution,
     parameters: dict[str, ParameterEstimate],
-    uncertainty: _Uncertainty,
+    bars: ErrorBars,
 ) -> list[str]:
     out = []
     if capture.relative:
@@ -358,11 +247,11 @@ def _warnings(
         out.append(f"{' and '.join(lost)} are not determined: these images see only a combination of them; fix one.")
     elif lost:
         out.append(f"{lost[0]} is not determined by these images.")
-    if not uncertainty.holds and uncertainty.kind == "fisher":
+    if not bars.holds and bars.kind == "fisher":
         out.append("There are too few pixels for error bars that allow for the misfit of the model.")
     if not capture.noise_given:
         noise = capture.noise
         out.append(f"Noise was estimated from the images: read {noise.read:.2g}, gain {noise.gain:.2g} of full scale.")
     if not solution.converged:
-        out.append(_message(solution, uncertainty))
+        out.append(_message(solution, bars))
     return out

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import math
 from collections.abc import Callable
@@ -10,10 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from matest.brdf import model
 from matest.capture import Batch, Samples
 from matest.errors import InputError
-from matest.estimators import Linearisation, fit_batches, pilot
+from matest.estimators import Linearisation, Problem, fit_batches, pilot
 from matest.result import Candidate
 from matest.specification import Constraints, specify
 
@@ -58,16 +58,20 @@ def select(
         InputError: no candidate has the constrained parameters.
     """
     capture = samples.capture
-    parts = _parts(pilot(samples, _SAMPLES, seed), len(samples.images))
-    eligible = [expression for expression in CANDIDATES if _has(expression, constraints)]
-    if not eligible:
+    parts = _parts(pilot(samples, _SAMPLES, seed))
+    problems: dict[str, Problem] = {}
+    for expression in CANDIDATES:
+        # A candidate that the constraints do not fit is not tried.
+        with contextlib.suppress(InputError):
+            found = specify(expression, constraints, channels=capture.channels, relative=capture.relative)
+            problems[expression] = found.problem
+    if not problems:
         names = ", ".join([*constraints.fix, *constraints.free, *constraints.tie])
-        raise InputError(f"no model that 'auto' tries has the parameters {names}: name the model with --model.")
+        raise InputError(f"no model that 'auto' tries fits what was said of {names}: name the model with --model.")
     trials, verdicts = [], {}
     best: _Trial | None = None
-    for expression in eligible:
+    for expression, problem in problems.items():
         progress(f"trying {expression}")
-        problem = specify(expression, constraints, channels=capture.channels, relative=capture.relative).problem
         errors = np.empty(len(parts))
         for fold in range(min(_FOLDS, len(parts))):
             left = range(fold, len(parts), _FOLDS)
@@ -81,7 +85,7 @@ def select(
         if wins:
             best = trial
     assert best is not None
-    unit = "image" if len(samples.images) >= _MIN_IMAGES else "band"
+    unit = "image" if len(parts) == len(samples.images) else "band"
     candidates = [Candidate(t.expression, t.score, t.score, verdicts[t.expression].format(unit=unit)) for t in trials]
     return best.expression, candidates
 
@@ -106,19 +110,14 @@ def _error(linearisation: Linearisation, batch: Batch) -> float:
         return float((predicted - batch.radiance).square().mean() / batch.radiance.square().mean())
 
 
-def _parts(batches: list[Batch], images: int) -> list[Batch]:
+def _parts(batches: list[Batch]) -> list[Batch]:
     """What is left out in turn: whole images or, where there are few of them, horizontal bands of each."""
-    if images >= _MIN_IMAGES:
+    if len(batches) >= _MIN_IMAGES:
         return batches
     bands = [np.linspace(0, len(batch), _BANDS + 1).astype(int) for batch in batches]
     return [
         batch[int(start) : int(end)]
         for batch, edges in zip(batches, bands, strict=True)
         for start, end in itertools.pairwise(edges)
+        if start < end
     ]
-
-
-def _has(expression: str, constraints: Constraints) -> bool:
-    declared, _ = model(expression)
-    known = {*declared.declared, *(path.rpartition(".")[2] for path in declared.declared)}
-    return {*constraints.fix, *constraints.free, *constraints.tie, *constraints.tie.values()} <= known

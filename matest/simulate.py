@@ -203,11 +203,13 @@ def _encoding(description: SceneDescription, *, integer: bool) -> Encoding:
         )
     if table.scale is None and integer:
         peak = max(float(radiance(description, k).max()) * image.exposure for k, image in enumerate(tables.image))
+        wanted = peak / (_EXPOSED - table.black)
         # Two digits are enough, and leave the file readable.
-        step = 10 ** math.floor(math.log10(peak / _EXPOSED)) / 10 if peak > 0 else 1.0
-        table.scale = float(f"{math.ceil(peak / _EXPOSED / step) * step:.6g}")
+        step = 10 ** math.floor(math.log10(wanted)) / 10 if wanted > 0 else 1.0
+        table.scale = float(f"{math.ceil(wanted / step) * step:.6g}")
     folder = Folder(description.file, description.file.parent.absolute())
-    return build_encoding(table, folder, description.scene.surface, integer, str(description.file), None)
+    stored = np.zeros((1, 1, description.channels), np.uint16 if integer else np.float32)
+    return build_encoding(table, folder, description.scene.surface, stored, None)
 
 
 def _expose(

@@ -37,7 +37,6 @@ class Specification:
     Attributes:
         problem: ready to be solved.
         default_held: parameters that would be estimated if the capture determined them.
-        unused: names of the constraints that this model has no parameter for.
     """
 
     problem: Problem
@@ -58,6 +57,14 @@ def specify(expression: str, constraints: Constraints, *, channels: int, relativ
     freed = {resolve(brdf, name) for name in constraints.free}
     ties = {resolve(brdf, name): resolve(brdf, source) for name, source in constraints.tie.items()}
     for name, source in ties.items():
+        kinds = [
+            (path in brdf.factors, brdf.declared[path].unit, brdf.declared[path].per_channel) for path in (name, source)
+        ]
+        if kinds[0] != kinds[1]:
+            raise InputError(
+                f"--tie {name}={source}: these two are of different kinds (one scales a lobe or has a value per "
+                "channel, the other does not); only like parameters can be tied."
+            )
         if name == source or source in ties or name in fixed or name in freed:
             raise InputError(
                 f"--tie {name}={source}: a tied parameter takes another's value; free or fix only that one."

@@ -66,7 +66,7 @@ def test_estimate_writes_a_complete_result_folder(run, capture: Path) -> None:
     content = json.loads((result / "result.json").read_text("utf-8"))
     assert content["schema"] == "matest.estimate/1"
     assert content["model"] == "oren-nayar"
-    assert set(content["provenance"]["inputs"]) == {"00.png", "01.png", "02.png"}
+    assert set(content["provenance"]["inputs"]) == {"00.png", "01.png", "02.png", "mask.png", "capture.toml"}
     expected = {"schema", "capture", "model", "parameters", "correlation", "fit", "candidates", "skipped", "timing_s"}
     assert expected | {"provenance", "warnings"} <= set(content)
     for name in ("report.html", "material.json", "profile.csv", "images/00_render.png", "images/02_residual.png"):
@@ -215,10 +215,53 @@ def test_a_folder_that_is_no_result_is_not_replaced(run, capture: Path, tmp_path
 
 def test_an_earlier_result_is_replaced_whole(run, capture: Path) -> None:
     run("estimate", capture, "--model", "lambert")
-    (capture / "matest" / "leftover").touch()
+    (capture / "matest" / "images" / "99_render.png").touch()
     assert run("estimate", capture, "--model", "oren-nayar")[0] == 0
-    assert not (capture / "matest" / "leftover").exists()
+    assert not (capture / "matest" / "images" / "99_render.png").exists()
     assert [p.name for p in capture.iterdir() if p.name.startswith(".")] == []
+
+
+@pytest.mark.parametrize("marker", ["{}", '{"schema": "matest.estimate/1"}'])
+def test_a_folder_with_other_things_in_it_is_not_an_earlier_result(run, capture: Path, marker: str) -> None:
+    result = capture / "matest"
+    result.mkdir()
+    (result / "result.json").write_text(marker, "utf-8")
+    (result / "notes.txt").write_text("mine", "utf-8")
+    code, _, err = run("estimate", capture, "--model", "lambert")
+    assert code == 2
+    assert "would be replaced" in err
+    assert (result / "notes.txt").read_text("utf-8") == "mine"
+
+
+def test_prediction_lies_beside_the_result_and_survives_the_next_estimate(run, capture: Path) -> None:
+    assert run("estimate", capture, "--model", "lambert")[0] == 0
+    assert run("predict", capture / "matest", capture)[0] == 0
+    assert (capture / "matest-predict-ball" / "00.exr").is_file()
+    assert run("estimate", capture, "--model", "lambert")[0] == 0
+    assert (capture / "matest-predict-ball" / "00.exr").is_file()
+
+
+def test_paths_with_dots_in_them_are_the_paths_they_lead_to(run, capture: Path, tmp_path: Path) -> None:
+    code, _, err = run("estimate", capture / ".." / "ball", "--model", "lambert", "-o", tmp_path / "out")
+    assert (code, err) == (0, "")
+
+
+def test_a_constraint_narrows_what_auto_tries(run, capture: Path) -> None:
+    code, out, _ = run("estimate", capture, "--fix", "sigma=0.4", "--json")
+    assert code == 0
+    tried = [candidate["model"] for candidate in json.loads(out)["candidates"]]
+    assert tried == ["oren-nayar-qualitative", "oren-nayar", "oren-nayar+cook-torrance"]
+
+
+def test_a_material_of_other_channels_is_refused(run, capture: Path, tmp_path: Path) -> None:
+    grey = scenes.material("lambert", albedo=0.5)
+    lights = scenes.distant(scenes.LIGHTS[:2])
+    scenes.write(tmp_path / "grey", grey, scenes.sphere(64), lights)
+    simulate(tmp_path / "grey")
+    assert run("estimate", capture, "--model", "lambert")[0] == 0
+    code, _, err = run("predict", capture / "matest", tmp_path / "grey")
+    assert code == 2
+    assert "1 channel" in err
 
 
 def test_models_lists_the_catalogue(run) -> None:

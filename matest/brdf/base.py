@@ -65,11 +65,16 @@ class Brdf:
         return {name: getattr(self, name) for name in self.declared}
 
     @property
-    def factors(self) -> set[str]:
-        """Names of the parameters that only multiply shapes: the amplitudes."""
+    def products(self) -> list[tuple[str, ...]]:
+        """The factors of each term."""
         normal = torch.tensor([[0.0, 0.0, 1.0]])
         anywhere = self.replace({name: torch.tensor(0.5) for name in self.declared})
-        return {factor for factors, _ in anywhere.terms(Directions(normal, normal)) for factor in factors}
+        return [factors for factors, _ in anywhere.terms(Directions(normal, normal))]
+
+    @property
+    def factors(self) -> set[str]:
+        """Names of the parameters that only multiply shapes: the amplitudes."""
+        return {factor for factors in self.products for factor in factors}
 
     @property
     def expression(self) -> str:
@@ -79,6 +84,11 @@ class Brdf:
             for f in dataclasses.fields(self)  # type: ignore[arg-type]
             if f.name in options_of(type(self)) and getattr(self, f.name) != f.default
         ]
+        # A gauge that is not 1 is another model: interreflection = 0 drops it.
+        for name, declared in self.declared.items():
+            value = self.parameters[name]
+            if declared.gauge and value.ndim == 0 and not value.requires_grad and float(value) == 0:
+                changed.append(f"{name}=false")
         return f"{self.name}({','.join(changed)})" if changed else self.name
 
     def replace(self, values: Mapping[str, Any]) -> Brdf:

@@ -39,7 +39,7 @@ class Folder:
             InputError: it lies outside the common folder of the captures, or does not exist.
         """
         target = Path(os.path.normpath(self.path / reference))
-        if not target.absolute().is_relative_to(self.root):
+        if not Path(os.path.abspath(target)).is_relative_to(os.path.abspath(self.root)):
             raise InputError(
                 f"{self.source}: {key} = '{reference}' leads outside {self.root}, the captures' common folder; "
                 "copy the file into it and refer to it there."
@@ -63,6 +63,8 @@ def build_camera(table: CameraTable, label: str) -> Camera:
         raise InputError(f"{label}: camera.fov_y must lie between 0 and π rad; got {table.fov_y}.")
     if len(table.distortion) not in (0, 4, 5, 8):
         raise InputError(f"{label}: camera.distortion takes k1, k2, p1, p2[, k3]; got {len(table.distortion)} numbers.")
+    if table.matrix is not None and (table.matrix[0][1], table.matrix[1][0], *table.matrix[2]) != (0, 0, 0, 0, 1):
+        raise InputError(f"{label}: camera.matrix must read [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]; skew is not known.")
     distortion = tuple(table.distortion)
     try:
         return Camera(table.position, table.target, table.up, table.height, table.fov_y, table.matrix, distortion)
@@ -115,13 +117,14 @@ def build_lights(table: ImageTable, channels: int, label: str) -> tuple[tuple[Li
 
 
 def build_encoding(
-    table: EncodingTable, folder: Folder, surface: Surface, integer: bool, label: str, transfer: str | float | None
+    table: EncodingTable, folder: Folder, surface: Surface, first: np.ndarray, transfer: str | float | None
 ) -> Encoding:
-    """The encoding of the images. `transfer` overrides the file's.
+    """The encoding of images like `first` (H×W×C). `transfer` overrides the file's.
 
     Raises:
         InputError: integer images without a transfer function.
     """
+    label, integer, channels = str(folder.source), first.dtype.kind == "u", first.shape[2]
     chosen = transfer if transfer is not None else table.transfer
     if chosen is None:
         if integer:
@@ -139,12 +142,12 @@ def build_encoding(
     encoding = Encoding(transfer=chosen, scale=scale, saturation=saturation)
     black: float | np.ndarray
     if isinstance(table.black, str):
-        black = _frame(folder.file(table.black, "encoding.black"), surface, encoding)
+        black = _frame(folder.file(table.black, "encoding.black"), surface, encoding, channels)
     else:
         black = float(encoding.linear(np.array(table.black)))
     flat = None
     if table.flat is not None:
-        flat = _frame(folder.file(table.flat, "encoding.flat"), surface, encoding)
+        flat = _frame(folder.file(table.flat, "encoding.flat"), surface, encoding, channels)
         if not (flat > 0).all():
             raise InputError(f"{folder.path / table.flat}: a flat field must be positive on the object; it is 0 there.")
     return Encoding(chosen, scale, black, flat, saturation)
@@ -240,11 +243,17 @@ def _vectors(path: Path, shape: tuple[int, int], what: str) -> np.ndarray:
     return image
 
 
-def _frame(path: Path, surface: Surface, encoding: Encoding) -> np.ndarray:
-    """A dark frame or flat field at the object's pixels, linear fractions of full scale, [N, C]."""
+def _frame(path: Path, surface: Surface, encoding: Encoding, channels: int) -> np.ndarray:
+    """A dark frame or flat field at the object's pixels, linear fractions of full scale, [N, 1 or C]."""
     image = read_image(path)
     _same_size(image, surface.shape, f"{path}: the frame")
-    return encoding.signal(image.reshape(-1, image.shape[2])[surface.pixels], slice(None))
+    if image.shape[2] not in (1, channels):
+        raise InputError(
+            f"{path}: the frame must have 1 or {channels} channel(s) like the images; got {image.shape[2]}."
+        )
+    pixels = image.reshape(-1, image.shape[2])[surface.pixels]
+    # Floats are linear already; integers are encoded as the images are.
+    return encoding.signal(pixels, slice(None)) if image.dtype.kind == "u" else pixels
 
 
 def _same_size(image: np.ndarray, shape: tuple[int, int], label: str) -> None:

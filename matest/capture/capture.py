@@ -16,8 +16,8 @@ import torch
 
 from matest.capture import schema
 from matest.capture.assembly import Folder, build_encoding, build_lights, build_surface, colour
-from matest.capture.images import full_scale, read_image
-from matest.capture.photometry import Encoding, Noise, estimate_noise, quantisation
+from matest.capture.images import read_image
+from matest.capture.photometry import FLOAT_FLOOR, Encoding, Noise, estimate_noise, quantisation
 from matest.capture.samples import Samples
 from matest.errors import InputError
 from matest.scene import PointLight, Scene
@@ -42,7 +42,9 @@ class Capture:
         noise_given: whether the capture states its noise.
         relative: True when the common scale of the lights is unknown.
         files: the image files.
-        timing: seconds spent reading images and building geometry.
+        folder: where it lies.
+        others: capture.toml and the other files it refers to.
+        timing: seconds spent reading images, building geometry and estimating noise.
     """
 
     name: str
@@ -54,6 +56,8 @@ class Capture:
     noise_given: bool
     relative: bool
     files: tuple[Path, ...]
+    folder: Path = Path()
+    others: tuple[Path, ...] = ()
     timing: dict[str, float] = field(default_factory=dict)
 
     def __len__(self) -> int:
@@ -78,9 +82,17 @@ class Capture:
         signal = self.encoding.signal(self.stored[image][index], index)
         return signal * np.float32(self.encoding.scale / self.exposures[image])
 
+    @property
+    def names(self) -> list[str]:
+        """The image files as the capture refers to them."""
+        return [os.path.relpath(file, self.folder) for file in self.files]
+
     def digests(self) -> dict[str, str]:
-        """SHA-256 of every image file, by name."""
-        return {file.name: "sha256:" + hashlib.sha256(file.read_bytes()).hexdigest() for file in self.files}
+        """SHA-256 of every file of the capture, by its path in it."""
+        return {
+            os.path.relpath(file, self.folder): "sha256:" + hashlib.sha256(file.read_bytes()).hexdigest()
+            for file in (*self.files, *self.others)
+        }
 
 
 def load_capture(
@@ -125,7 +137,7 @@ def load_capture(
         if not (np.isfinite(table.exposure) and table.exposure > 0):
             raise InputError(f"{file}: image {k}: exposure must be positive; got {table.exposure}.")
     ambient = [colour(table.ambient, channels, f"{file}: image {k}: ambient") for k, table in enumerate(tables.image)]
-    encoding = build_encoding(tables.encoding, folder, surface, first.dtype.kind == "u", str(file), transfer)
+    encoding = build_encoding(tables.encoding, folder, surface, first, transfer)
     for k, (lights, _) in enumerate(lit):
         if surface.positions is None and any(isinstance(light, PointLight) for light in lights):
             raise InputError(
@@ -148,10 +160,14 @@ def load_capture(
         noise=Noise(0.0, 0.0),
         noise_given=tables.noise is not None,
         relative=tables.encoding.radiometry == "relative" or not all(known for _, known in lit),
+        folder=folder.path,
         files=tuple(paths),
+        others=(file, *(folder.file(name, key) for key, name in _references(tables))),
         timing={"read": read_s, "geometry": geometry_s},
     )
-    return replace(capture, noise=_noise(capture, tables.noise))
+    clock = time.perf_counter()
+    noise = _noise(capture, tables.noise)
+    return replace(capture, noise=noise, timing={**capture.timing, "noise": time.perf_counter() - clock})
 
 
 def capture_file(path: str | Path, name: str) -> Path:
@@ -215,6 +231,20 @@ class _Spill:
         return spilled
 
 
+def _references(tables: schema.CaptureFile) -> list[tuple[str, str]]:
+    """Files that a capture refers to beside its images, with the key that does."""
+    geometry, encoding = tables.geometry, tables.encoding
+    found = {
+        "mask": tables.mask,
+        "geometry.mesh": geometry.mesh,
+        "geometry.normals": geometry.normals,
+        "geometry.positions": geometry.positions,
+        "encoding.black": encoding.black,
+        "encoding.flat": encoding.flat,
+    }
+    return [(key, name) for key, name in found.items() if isinstance(name, str)]
+
+
 def _check_noise(table: schema.NoiseTable | None, label: str) -> None:
     for key in ("read", "gain"):
         value = getattr(table, key) if table is not None else 0.0
@@ -229,17 +259,16 @@ def _noise(capture: Capture, table: schema.NoiseTable | None) -> Noise:
     floor = quantisation(capture.encoding, stored.dtype)
     if table is not None:
         # Stated noise leaves rounding to the image format.
-        return Noise(float(np.hypot(table.read, floor)) or 1e-4, table.gain)
+        read = float(np.hypot(table.read, floor))
+        # Noise stated to be none leaves rounding and geometry.
+        peak = float(capture.encoding.signal(stored, slice(None)).max())
+        return Noise(read or FLOAT_FLOOR * max(peak, 1e-30), table.gain)
     surface = capture.scene.surface
-    inside = surface.image(~surface.rim)
     chosen = np.linspace(0, len(capture) - 1, min(len(capture), _NOISE_IMAGES)).round().astype(int)
-    signals = []
+    signals, valid = [], []
     for image in chosen:
-        signal = capture.encoding.signal(capture.stored[image], slice(None)).astype(np.float32)
-        saturated = capture.encoding.saturated(capture.stored[image]) | (capture.stored[image] <= 0)
-        signal[saturated.any(axis=1)] = 0  # level 0 is left out
-        signals.append(surface.image(signal))
-    return estimate_noise(signals, inside, floor)
-
-
-__all__ = ["Capture", "full_scale", "load_capture"]
+        pixels = capture.stored[image]
+        clipped = capture.encoding.saturated(pixels) | (pixels <= 0)
+        signals.append(surface.image(capture.encoding.signal(pixels, slice(None)).astype(np.float32)))
+        valid.append(surface.image(~clipped & ~surface.rim[:, None]))
+    return estimate_noise(signals, valid, floor)

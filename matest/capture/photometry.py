@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 # Relative error of float images that no noise model describes: rounding and geometry.
-_FLOAT_FLOOR = 1e-4
+FLOAT_FLOOR = 1e-4
 
 
 @dataclass(frozen=True)
@@ -18,9 +18,6 @@ class Noise:
 
     read: float
     gain: float
-
-    def variance(self, signal: Tensor) -> Tensor:
-        return self.read**2 + self.gain * signal.clamp(min=0)
 
 
 @dataclass(frozen=True)
@@ -98,7 +95,7 @@ def quantisation(encoding: Encoding, dtype: np.dtype) -> float:
     return float(middle[1] - middle[0]) / np.sqrt(12)
 
 
-def estimate_noise(images: list[np.ndarray], inside: np.ndarray, floor: float) -> Noise:
+def estimate_noise(images: list[np.ndarray], valid: list[np.ndarray], floor: float) -> Noise:
     """Read noise and gain from the pictures themselves.
 
     A second-difference mask blind to planes and to curvature along rows or columns leaves noise; its variance against
@@ -106,23 +103,24 @@ def estimate_noise(images: list[np.ndarray], inside: np.ndarray, floor: float) -
 
     Args:
         images: linear signals H×W×C, fractions of full scale.
-        inside: H×W, pixels well inside the object.
+        valid: H×W×C, True where a pixel is of the object and not clipped; only windows of 3×3 such pixels count.
         floor: smallest read noise believed (quantisation).
     """
     import cv2
 
     kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float64)
     levels, spreads = [], []
-    for image in images:
-        for channel in np.moveaxis(image, 2, 0):
-            plane = np.ascontiguousarray(channel, dtype=np.float64)
-            levels.append(cv2.blur(plane, (3, 3))[inside])
-            spreads.append(np.abs(cv2.filter2D(plane, -1, kernel)[inside]))
+    for image, mask in zip(images, valid, strict=True):
+        for channel in range(image.shape[2]):
+            plane = np.ascontiguousarray(image[..., channel], dtype=np.float64)
+            whole = cv2.erode(np.ascontiguousarray(mask[..., channel], dtype=np.uint8), np.ones((3, 3), np.uint8)) > 0
+            levels.append(cv2.blur(plane, (3, 3))[whole])
+            spreads.append(np.abs(cv2.filter2D(plane, -1, kernel)[whole]))
     level, spread = np.concatenate(levels), np.concatenate(spreads)
-    lit = level > 1e-3 * level.max()
+    lit = level > 1e-3 * level.max(initial=0)
     level, spread = level[lit], spread[lit]
     if level.size < 100:
-        return Noise(max(floor, _FLOAT_FLOOR * float(level.max(initial=1e-3))), 0.0)
+        return Noise(max(floor, FLOAT_FLOOR * float(level.max(initial=1e-3))), 0.0)
     edges = np.quantile(level, np.linspace(0, 1, min(20, level.size // 50) + 1))
     bins = np.clip(np.searchsorted(edges, level, side="right") - 1, 0, len(edges) - 2)
     counts = np.bincount(bins, minlength=len(edges) - 1)
@@ -135,7 +133,7 @@ def estimate_noise(images: list[np.ndarray], inside: np.ndarray, floor: float) -
 
 def _line(x: np.ndarray, y: np.ndarray, counts: np.ndarray, floor: float) -> Noise:
     """Non-negative weighted fit of y = read² + gain·x; a variance is uncertain in proportion to itself."""
-    smallest = floor**2 + (_FLOAT_FLOOR * x.max()) ** 2
+    smallest = floor**2 + (FLOAT_FLOOR * x.max()) ** 2
     weight = np.sqrt(counts) / np.maximum(y, smallest)
     design = np.stack([np.ones_like(x), x], axis=1) * weight[:, None]
     read2, gain = np.linalg.lstsq(design, y * weight, rcond=None)[0]

@@ -41,12 +41,14 @@ class Batch:
         points: geometry and light.
         radiance: measured, [n, C].
         readout: noise of the pixels.
+        seen: False where a channel of a pixel is too dark for the sensor [n, C]; None where all are seen.
         cluster: label of the block of pixels of one image, image · BLOCKS + block (None when mixed).
     """
 
     points: Points
     radiance: Tensor
     readout: Readout
+    seen: Tensor | None = None
     cluster: int | None = None
 
     def __len__(self) -> int:
@@ -55,15 +57,33 @@ class Batch:
     def __getitem__(self, index: slice) -> Batch:
         """Some of the samples."""
         readout = Readout(*(value if len(value) == 1 else value[index] for value in self.readout))
-        return Batch(self.points[index], self.radiance[index], readout, self.cluster)
+        seen = None if self.seen is None else self.seen[index]
+        return Batch(self.points[index], self.radiance[index], readout, seen, self.cluster)
 
     def variance(self, radiance: Tensor) -> Tensor:
         """Noise variance of a pixel of this true `radiance` [n, C]."""
         return self.readout.read + self.readout.gain * radiance.clamp(min=0)
 
     def weight(self, radiance: Tensor) -> Tensor:
-        """Inverse variance of a pixel of this true `radiance` [n, C]."""
-        return 1 / self.variance(radiance)
+        """Inverse variance of a pixel of this true `radiance` [n, C]; 0 where a channel is not seen."""
+        weight = 1 / self.variance(radiance)
+        return weight if self.seen is None else weight * self.seen
+
+
+class _Selection(NamedTuple):
+    """Which pixels of each image are usable, one bit each, and what was skipped.
+
+    Attributes:
+        usable: per image, packed bits [N].
+        unseen: per image, packed bits [N, C] of channels too dark for the sensor; None where there are none.
+        counts: usable pixels per image.
+        skipped: number of pixels left out, by reason.
+    """
+
+    usable: list[np.ndarray]
+    unseen: list[np.ndarray | None]
+    counts: list[int]
+    skipped: dict[str, int]
 
 
 class Samples:
@@ -82,24 +102,25 @@ class Samples:
         self.device = device
 
     @cached_property
-    def _selection(self) -> tuple[list[np.ndarray], dict[str, int]]:
-        """Per image the indices of its usable pixels, and what was skipped."""
+    def _selection(self) -> _Selection:
         scene = self.capture.scene
         surface = scene.surface
         skipped = dict.fromkeys(("background", "shadowed", "saturated", "rim", "redundant"), 0)
-        kept = []
+        usable_bits, unseen_bits = [], []
         for image in self.images:
             usable = ~surface.rim
             skipped["background"] += surface.shape[0] * surface.shape[1] - len(surface)
             skipped["rim"] += int(surface.rim.sum())
             below, above = self._clipped(image)
-            dark = usable & (below | ~self._lit(image))
+            dark = usable & (below.all(axis=1) | ~self._lit(image))
             usable &= ~dark
             skipped["shadowed"] += int(dark.sum())
             skipped["saturated"] += int((usable & above).sum())
             usable &= ~above
-            kept.append(np.flatnonzero(usable).astype(np.int32))
-        return kept, skipped
+            usable_bits.append(np.packbits(usable))
+            unseen_bits.append(np.packbits(below, axis=0) if below[usable].any() else None)
+        counts = [int(np.bitwise_count(bits).sum()) for bits in usable_bits]
+        return _Selection(usable_bits, unseen_bits, counts, skipped)
 
     def _lit(self, image: int) -> np.ndarray:
         """True where some light, or ambient light, reaches the pixel, and no shadow edge crosses it."""
@@ -115,14 +136,14 @@ class Samples:
         return lit if edge is None else lit & ~edge
 
     def _clipped(self, image: int) -> tuple[np.ndarray, np.ndarray]:
-        """True where the sensor cuts off noise at its lower or upper end in any channel [N] each.
+        """True where the sensor cuts off noise at its lower end [N, C], and at its upper end in any channel [N].
 
         Judged by the mean of 3×3 pixels: chosen by the noisy pixel itself, what is left over would be biased.
         """
         capture = self.capture
         encoding, noise, stored = capture.encoding, capture.noise, capture.stored[image]
         surface = capture.scene.surface
-        below = np.zeros(len(surface), dtype=bool)
+        below = np.zeros(stored.shape, dtype=bool)
         above = np.asarray(encoding.saturated(stored).any(axis=1))
         if stored.dtype.kind != "u":
             return below, above
@@ -130,8 +151,7 @@ class Samples:
         linear = encoding.signal(stored, slice(None)) * (1.0 if encoding.flat is None else encoding.flat)
         linear = surface.image((linear + encoding.black).astype(np.float32))
         mean = cv2.blur(linear, (3, 3)).reshape(-1, stored.shape[1])[surface.pixels]
-        # A surface that is black in one channel is still seen in the others.
-        below = (mean < _CLIP_MARGIN * noise.read).all(axis=1)
+        below = mean < _CLIP_MARGIN * noise.read
         if encoding.saturation is not None:
             top = float(encoding.linear(np.array(encoding.saturation)))
             spread = float(np.sqrt(noise.read**2 + noise.gain * top))
@@ -140,14 +160,20 @@ class Samples:
 
     @property
     def skipped(self) -> dict[str, int]:
-        return dict(self._selection[1])
+        return dict(self._selection.skipped)
+
+    @property
+    def counts(self) -> list[int]:
+        """Number of usable pixels of each image."""
+        return self._selection.counts
 
     def __len__(self) -> int:
-        return sum(len(index) for index in self._selection[0])
+        return sum(self.counts)
 
     def indices(self, position: int) -> np.ndarray:
         """Usable pixels (indices into the surface) of the image at `position` in `images`."""
-        return self._selection[0][position]
+        count = len(self.capture.scene.surface)
+        return np.flatnonzero(np.unpackbits(self._selection.usable[position], count=count))
 
     def at(self, image: int, index: np.ndarray, cluster: int | None = None) -> Batch:
         """The samples of one image at some pixels."""
@@ -157,8 +183,16 @@ class Samples:
             points=capture.scene.points(image, chosen, dtype=self.dtype, device=self.device),
             radiance=as_tensor(capture.radiance(image, index), self.dtype, self.device),
             readout=self._readout(image, index),
+            seen=self._seen(image, index),
             cluster=cluster,
         )
+
+    def _seen(self, image: int, index: np.ndarray) -> Tensor | None:
+        unseen = self._selection.unseen[self.images.index(image)]
+        if unseen is None:
+            return None
+        seen = 1 - np.unpackbits(unseen, axis=0, count=len(self.capture.scene.surface))[index]
+        return as_tensor(seen, self.dtype, self.device)
 
     def _readout(self, image: int, index: np.ndarray) -> Readout:
         capture = self.capture
@@ -171,13 +205,14 @@ class Samples:
 
     def tiles(self, size: int = TILE) -> Iterator[Batch]:
         """All samples in tiles that fit the processor's cache, each of one image and one cluster."""
-        return (self.at(*piece) for piece in self.pieces(size))
+        for position in range(len(self.images)):
+            for piece in self.pieces(position, size):
+                yield self.at(*piece)
 
-    def pieces(self, size: int = TILE) -> list[tuple[int, np.ndarray, int]]:
-        """The same tiles before anything is computed: arguments of `at`, for workers to fetch."""
+    def pieces(self, position: int, size: int = TILE) -> list[tuple[int, np.ndarray, int]]:
+        """The tiles of the image at `position` before anything is computed: arguments of `at`."""
         return [
-            (image, index[start : start + size], cluster)
-            for position, image in enumerate(self.images)
+            (self.images[position], index[start : start + size], cluster)
             for cluster, index in self._clusters(position)
             for start in range(0, len(index), size)
         ]
@@ -203,12 +238,10 @@ class Samples:
             shuffle: mix images and pixels.
             seed: of the permutation.
         """
-        if not shuffle:
-            yield from self.tiles(size)
-            return
-        lengths = [len(self.indices(position)) for position in range(len(self.images))]
-        starts = np.cumsum([0, *lengths])
-        order = np.random.default_rng(seed).permutation(starts[-1])
+        starts = np.cumsum([0, *self.counts])
+        order = np.arange(starts[-1])
+        if shuffle:
+            order = np.random.default_rng(seed).permutation(order)
         for first in range(0, len(order), size):
             chosen = np.sort(order[first : first + size])
             edges = np.searchsorted(chosen, starts)
@@ -239,6 +272,9 @@ def _join(parts: list[Batch]) -> Batch:
                 for p, shape in zip(points, shapes, strict=True)
             ]
         )
+    seen = None
+    if any(part.seen is not None for part in parts):
+        seen = torch.cat([torch.ones_like(part.radiance) if part.seen is None else part.seen for part in parts])
     readouts = [[value.expand(len(part), -1) for value in part.readout] for part in parts]
     return Batch(
         points=Points(
@@ -249,6 +285,7 @@ def _join(parts: list[Batch]) -> Batch:
         ),
         radiance=torch.cat([part.radiance for part in parts]),
         readout=Readout(*(torch.cat(column) for column in zip(*readouts, strict=True))),
+        seen=seen,
     )
 
 

@@ -1,18 +1,18 @@
 """Solvers: from samples to the parameters of a uniform material."""
 
-from matest.estimators.fit import all_tiles, fit, fit_batches
+from matest.estimators.fit import AllTiles, fit, fit_batches
 from matest.estimators.levenberg_marquardt import Solution, at_bound, bounded_step
 from matest.estimators.linearise import Linearisation, Statistics, accumulate
 from matest.estimators.pilot import pilot
 from matest.estimators.problem import Problem
 
 __all__ = [
+    "AllTiles",
     "Linearisation",
     "Problem",
     "Solution",
     "Statistics",
     "accumulate",
-    "all_tiles",
     "at_bound",
     "bounded_step",
     "fit",

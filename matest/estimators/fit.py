@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from functools import partial
 
+import torch
 from torch import Tensor
 
 from matest.capture import Batch, Samples
@@ -16,6 +18,7 @@ from matest.estimators.search import search
 
 _PILOT, _SEARCH = 24_000, 4_000
 _REWEIGHTINGS = 2
+_GAUGE_ROUNDS = 6
 _PILOT_PASSES, _FULL_PASSES = 60, 20
 
 Progress = Callable[[str], None]
@@ -29,7 +32,7 @@ def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = N
         batches: the samples.
         start: u [P] near the optimum; None: searched for globally, no initial guess is needed.
     """
-    tiles = [partial(_itself, batch) for batch in batches]
+    tiles = [[partial(_itself, batch) for batch in batches]]
     starts = [] if start is None else [start]
     if start is None:
         total = sum(len(batch) for batch in batches)
@@ -37,15 +40,23 @@ def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = N
             found = search(problem, [batch[:: max(total // _SEARCH, 1)] for batch in batches])
         problem, starts = found.problem, found.starts()
 
-    def descend(start: Tensor, reference: Tensor | None) -> Solution:
+    def descend(problem: Problem, start: Tensor, reference: Tensor | None) -> Solution:
         def evaluate(unknowns: Tensor) -> Statistics:
             return accumulate(problem, unknowns, tiles, reference)
 
         return minimise(problem, start, evaluate, passes=_PILOT_PASSES, tolerance=0.01)
 
-    best = min((descend(start, None) for start in starts), key=lambda solution: solution.statistics.total("chi2"))
+    solutions = (descend(problem, start, None) for start in starts)
+    best = min(solutions, key=lambda solution: solution.statistics.total("chi2"))
     for _ in range(_REWEIGHTINGS):
-        best = descend(best.unknowns, best.unknowns)
+        best = descend(best.problem, best.unknowns, best.unknowns)
+    for _ in range(_GAUGE_ROUNDS if problem.gauges else 0):
+        # The limit was taken from a fit without the second bounce, which makes albedos too bright and it too low.
+        limit = best.problem.limit_of_gauges(best.unknowns)
+        if abs(limit / best.problem.gauge_limit - 1) < 1e-6:
+            break
+        wider = replace(best.problem, gauge_limit=limit)
+        best = descend(wider, torch.minimum(best.unknowns, wider.upper), best.unknowns)
     return best
 
 
@@ -71,7 +82,7 @@ def fit(
     progress("searching")
     pilots = fit_batches(problem, pilot(samples, _PILOT, seed), start)
     reference = pilots.unknowns
-    tiles = all_tiles(samples)
+    tiles = AllTiles(samples)
 
     def evaluate(unknowns: Tensor) -> Statistics:
         progress("refining over all samples")
@@ -80,9 +91,15 @@ def fit(
     return minimise(pilots.problem, reference, evaluate, passes=_FULL_PASSES, tolerance=0.03)
 
 
-def all_tiles(samples: Samples) -> list[Callable[[], Batch]]:
-    """Every sample, tile by tile, computed when a worker asks for it."""
-    return [partial(samples.at, *piece) for piece in samples.pieces()]
+@dataclass(frozen=True)
+class AllTiles:
+    """Every sample, image by image and tile by tile, computed when a worker asks for it."""
+
+    samples: Samples
+
+    def __iter__(self) -> Iterator[list[Callable[[], Batch]]]:
+        for position in range(len(self.samples.images)):
+            yield [partial(self.samples.at, *piece) for piece in self.samples.pieces(position)]
 
 
 def _itself(batch: Batch) -> Batch:

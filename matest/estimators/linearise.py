@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields
@@ -13,6 +13,7 @@ from torch import Tensor
 
 from matest.brdf import Term
 from matest.capture import Batch
+from matest.directions import Directions
 from matest.estimators.problem import Problem
 from matest.shader import gathered_light, interpolate, lit_directions, sky_nodes, sky_terms
 
@@ -43,11 +44,16 @@ class Linearisation:
         self._width = max((problem.count(name) for name in problem.shapes), default=1)
         self._sky: tuple[Tensor, dict[str, Tensor]] | None = None
 
-    def basis(self, batch: Batch) -> Basis:
+    def basis(self, batch: Batch, *, cut: bool = True) -> Basis:
+        """Columns and slopes; with `cut`, light whose reflectance at these parameters is below zero gives nothing."""
         points = batch.points
         gathered = gathered_light(points)
         directions = lit_directions(points)
         terms, slopes = self._terms(directions, gathered.shape[:-1], batch.radiance)
+        if cut:
+            values = self._values_like(batch.radiance)
+            reflectance = sum(_product(values, factors) * shape for factors, shape in terms)
+            gathered = gathered * (torch.as_tensor(reflectance) >= 0)
 
         def gather(shapes: list[Tensor]) -> Tensor:
             return torch.stack([(gathered * shape).sum(-2).expand_as(batch.radiance) for shape in shapes])
@@ -65,7 +71,7 @@ class Linearisation:
         return Basis([factors for factors, _ in terms], columns, gathered_slopes)
 
     def _terms(
-        self, directions: object, lead: torch.Size, like: Tensor
+        self, directions: Directions, lead: torch.Size, like: Tensor
     ) -> tuple[tuple[Term, ...], dict[str, list[Tensor]]]:
         """Terms and the derivative of every shape by every shape parameter, sample by sample.
 
@@ -80,7 +86,7 @@ class Linearisation:
                 leaves[name] = value.expand(*lead, self._width).clone().requires_grad_()
             values = self._values_like(like) | leaves
             values |= {name: leaves[source] for name, source in problem.ties.items() if source in leaves}
-            terms = problem.brdf.replace(values).terms(directions)  # type: ignore[arg-type]
+            terms = problem.brdf.replace(values).terms(directions)
             slopes: dict[str, list[Tensor]] = {name: [] for name in leaves}
             for _, shape in terms if leaves else ():
                 found: tuple[Tensor | None, ...] = (None,) * len(leaves)
@@ -113,7 +119,7 @@ class Linearisation:
         """Model radiance [n, C]."""
         basis = self.basis(batch)
         coefficients = _coefficients(self._values_like(batch.radiance), basis, batch.radiance)
-        return torch.einsum("kc,knc->nc", coefficients, basis.columns).clamp(min=0)
+        return torch.einsum("kc,knc->nc", coefficients, basis.columns)
 
     def _values_like(self, like: Tensor) -> dict[str, Tensor]:
         return {name: value.to(like.device, like.dtype) for name, value in self._values.items()}
@@ -133,10 +139,7 @@ class Linearisation:
                 derivative = [_derivative(values, problem.ties, factors, name) for factors in basis.factors]
                 weights = torch.stack([torch.as_tensor(d).to(like).expand(like.shape[-1]) for d in derivative])
                 jacobian.append(torch.einsum("kc,knc->nc", weights, basis.columns))
-        dark = radiance < 0
-        stacked = torch.stack(jacobian) if jacobian else like.new_zeros(0, *like.shape)
-        # A model below zero is cut at zero, and stays there when its parameters move a little.
-        return radiance.clamp(min=0), torch.where(dark, torch.zeros_like(stacked), stacked)
+        return radiance, torch.stack(jacobian) if jacobian else like.new_zeros(0, *like.shape)
 
 
 def _coefficients(values: dict[str, Tensor], basis: Basis, like: Tensor) -> Tensor:
@@ -151,11 +154,13 @@ def _product(values: dict[str, Tensor], factors: tuple[str, ...]) -> Tensor:
     return out
 
 
-def _derivative(values: dict[str, Tensor], ties: object, factors: tuple[str, ...], name: str) -> Tensor | float:
+def _derivative(
+    values: dict[str, Tensor], ties: Mapping[str, str], factors: tuple[str, ...], name: str
+) -> Tensor | float:
     """Derivative of a product of parameters by one of them (and by those tied to it)."""
     total: Tensor | float = 0.0
     for position, factor in enumerate(factors):
-        if factor == name or ties.get(factor) == name:  # type: ignore[attr-defined]
+        if factor == name or ties.get(factor) == name:
             total = total + _product(values, factors[:position] + factors[position + 1 :])
     return total
 
@@ -183,9 +188,9 @@ class Sums:
             information=(selectors.mT @ normal @ selectors).sum(0),
             gradient=(selectors.mT @ slope).sum(0)[:, 0],
             chi2=float((weight * residual.square()).sum(dtype=torch.float64)),
-            values=residual.numel(),
-            squared_residual=float(residual.square().sum(dtype=torch.float64)),
-            squared_signal=float(signal.square().sum(dtype=torch.float64)),
+            values=int((weight > 0).sum()),
+            squared_residual=float(((weight > 0) * residual.square()).sum(dtype=torch.float64)),
+            squared_signal=float(((weight > 0) * signal.square()).sum(dtype=torch.float64)),
             samples=len(signal),
         )
 
@@ -227,7 +232,7 @@ class Statistics:
 def accumulate(
     problem: Problem,
     unknowns: Tensor,
-    tiles: Sequence[Callable[[], Batch]],
+    tiles: Iterable[Sequence[Callable[[], Batch]]],
     reference: Tensor | None,
 ) -> Statistics:
     """One pass: the additive statistics at `unknowns`.
@@ -238,7 +243,7 @@ def accumulate(
     Args:
         problem: what is estimated.
         unknowns: u [P], float64.
-        tiles: functions that give a tile each, of one cluster.
+        tiles: groups of functions that give a tile each, of one cluster; a group is worked on at once.
         reference: weights follow from the noise at the model's radiance for these unknowns; None: at the measured
             radiance (only a first guess: it favours pixels that noise made dark).
     """
@@ -257,9 +262,10 @@ def accumulate(
 
     statistics = Statistics()
     with single_threaded_torch(), ThreadPoolExecutor(processors()) as pool:
-        for cluster, sums in pool.map(work, tiles):
-            known = statistics.clusters.get(cluster)
-            statistics.clusters[cluster] = sums if known is None else known + sums
+        for group in tiles:
+            for cluster, sums in pool.map(work, group):
+                known = statistics.clusters.get(cluster)
+                statistics.clusters[cluster] = sums if known is None else known + sums
     return statistics
 
 

@@ -7,7 +7,7 @@ import torch
 
 from matest.capture import Batch, Samples
 from matest.capture.samples import BLOCKS
-from matest.shader import lit_directions
+from matest.shader import gathered_light, lit_directions
 
 # Classes of the angle between half vector and normal, degrees: highlights are small and must not be missed.
 _HALF_ANGLES = torch.tensor([2.0, 4.0, 8.0, 16.0, 32.0])
@@ -35,7 +35,9 @@ def _even(samples: Samples, image: int, index: np.ndarray, quota: int, generator
     points = samples.at(image, index).points
     if not points.wi.shape[-2]:
         return index[:quota]
-    degrees = torch.rad2deg(lit_directions(points).theta_half[..., 0]).amin(-1)
+    angles = torch.rad2deg(lit_directions(points).theta_half[..., 0])
+    reached = gathered_light(points).amax(-1) > 0
+    degrees = torch.where(reached, angles, 90.0).amin(-1)
     classes = torch.bucketize(degrees, _HALF_ANGLES.to(degrees)).cpu().numpy()
     order = generator.permutation(len(index))
     # Rank within its class: taking the lowest ranks fills all classes alike.

@@ -60,6 +60,13 @@ class Problem:
             return Domain(declared.domain.lower, self.gauge_limit)
         return declared.domain.lifted() if self.relative and declared.per_channel else declared.domain
 
+    def limit_of_gauges(self, unknowns: Tensor) -> float:
+        """The largest gauge with which no facet reflects more than all light: 1 / (brightest albedo beside it)."""
+        values = self.values(unknowns)
+        beside = {factor for product in self.brdf.products if {*product} & {*self.gauges} for factor in product}
+        brightest = max((float(values[name].max()) for name in beside - {*self.gauges}), default=0.0)
+        return 1 / max(brightest, 1e-9)
+
     @property
     def gauges(self) -> list[str]:
         """Free parameters that stand for the unknown light scale."""

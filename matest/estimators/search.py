@@ -72,7 +72,7 @@ def search(problem: Problem, batches: list[Batch]) -> Search:
         linearisation = Linearisation(problem, _with_shapes(problem, combination), derivatives=False)
         gram, moment = torch.zeros(()), torch.zeros(())
         for batch, weight in zip(batches, weights, strict=True):
-            basis = linearisation.basis(batch)
+            basis = linearisation.basis(batch, cut=False)
             factors = basis.factors
             columns = basis.columns.permute(2, 0, 1).double()
             weighted = columns * weight.T[:, None].double()

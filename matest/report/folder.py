@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import tempfile
 import time
@@ -21,15 +22,40 @@ from matest.report.pictures import write_pictures
 from matest.result import Estimate
 from matest.shader import render_image
 
+# What matest writes into a result or prediction folder; a folder with anything else in it is not replaced.
+_OWN = {
+    "result.json", "prediction.json", "material.json", "report.html", "profile.csv", "images",
+}  # fmt: skip
+
 
 def check_destination(out: Path, marker: str) -> None:
-    """Refuse to replace a folder that is not an earlier result (one without the file `marker`).
+    """Refuse to replace anything but an empty folder or an earlier result.
+
+    Args:
+        out: the folder to be written.
+        marker: the JSON file by whose schema an earlier result is known.
 
     Raises:
         InputError: `out` is a file, or a folder with other things in it.
     """
-    if out.exists() and not (out.is_dir() and ((out / marker).is_file() or not any(out.iterdir()))):
-        raise InputError(f"{out}: exists and is no earlier result of matest; give another folder with -o.")
+    if not out.exists() or (out.is_dir() and not any(out.iterdir())):
+        return
+    foreign = out.name
+    if out.is_dir() and _is_ours(out / marker):
+        strangers = [p.name for p in out.iterdir() if p.name not in _OWN and not re.fullmatch(r"\d+\.exr", p.name)]
+        if not strangers:
+            return
+        foreign = strangers[0]
+    raise InputError(
+        f"{out}: would be replaced, but holds what matest did not write ({foreign}); give another folder with -o."
+    )
+
+
+def _is_ours(file: Path) -> bool:
+    try:
+        return str(json.loads(file.read_text("utf-8"))["schema"]).startswith("matest.")
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
 
 
 @contextmanager
@@ -37,19 +63,19 @@ def whole_folder(out: Path) -> Iterator[Path]:
     """A temporary folder beside `out` that takes its place when the block ends well, and vanishes otherwise."""
     out.parent.mkdir(parents=True, exist_ok=True)
     temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
+    previous = temporary.with_name(temporary.name + "-previous")
     try:
         yield temporary
         temporary.chmod(0o755)
         if out.exists():
-            previous = temporary.with_name(temporary.name + "-previous")
             os.replace(out, previous)
-            os.replace(temporary, out)
-            shutil.rmtree(previous)
-        else:
-            os.replace(temporary, out)
+        os.replace(temporary, out)
     except BaseException:
+        if previous.exists() and not out.exists():
+            os.replace(previous, out)
         shutil.rmtree(temporary, ignore_errors=True)
         raise
+    shutil.rmtree(previous, ignore_errors=True)
 
 
 def write_result(
@@ -77,7 +103,7 @@ def _write_json(path: Path, content: dict) -> None:
     path.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", "utf-8")
 
 
-def write_prediction(material: Brdf, errors: list[float], capture: Capture, out: Path) -> None:
+def write_prediction(material: Brdf, errors: list[float | None], capture: Capture, out: Path) -> None:
     """Write predicted images: `NN.exr` (linear radiance), the pictures of `write_pictures`, `prediction.json`."""
     check_destination(out, "prediction.json")
     with whole_folder(out) as folder:
@@ -86,7 +112,7 @@ def write_prediction(material: Brdf, errors: list[float], capture: Capture, out:
             write_image(folder / f"{number:02d}.exr", image)
         write_pictures(capture, material, folder)
         images = [
-            {"image": file.name, "prediction": f"{number:02d}.exr", "relative_rmse": error}
-            for number, (file, error) in enumerate(zip(capture.files, errors, strict=True))
+            {"image": name, "prediction": f"{number:02d}.exr", "relative_rmse": error}
+            for number, (name, error) in enumerate(zip(capture.names, errors, strict=True))
         ]
         _write_json(folder / "prediction.json", {"schema": "matest.prediction/1", "images": images})

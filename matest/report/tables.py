@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from rich.box import SIMPLE_HEAD
-from rich.console import Console, Group
+from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
@@ -16,10 +16,6 @@ from matest.report.format import channel_names, rows
 from matest.result import Estimate
 
 _STATUS_STYLE = {"determined": "green", "at bound": "yellow", "not determined": "red"}
-
-
-def show(console: Console, *parts: object) -> None:
-    console.print(Group(*parts))  # type: ignore[arg-type]
 
 
 def estimate_table(estimate: Estimate) -> Group:
@@ -78,12 +74,12 @@ def models_table(models: Mapping[str, type[Brdf]]) -> Table:
     return table
 
 
-def prediction_table(errors: list[float], files: list[str]) -> Table:
+def prediction_table(errors: list[float | None], files: list[str]) -> Table:
     table = Table(box=SIMPLE_HEAD)
     table.add_column("image")
     table.add_column("relative rms error", justify="right")
     for file, error in zip(files, errors, strict=True):
-        table.add_row(file, f"{error:.2%}")
+        table.add_row(file, "no usable pixel" if error is None else f"{error:.2%}")
     return table
 
 

@@ -9,6 +9,8 @@ import numpy as np
 
 from matest.errors import InputError
 
+# A mesh of more faces is not tested for convexity.
+_LARGE = 50_000
 # Edges sharper than this stay edges: the normals of the two faces are not averaged across them.
 _CREASE = np.deg2rad(45)
 
@@ -40,7 +42,8 @@ class Mesh:
         import trimesh
 
         try:
-            mesh = trimesh.load_mesh(path, process=False)
+            loaded = trimesh.load_scene(path, process=False)
+            mesh = loaded.to_mesh()
         except Exception as error:  # trimesh passes on whatever its many parsers raise
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
             raise InputError(
@@ -52,14 +55,12 @@ class Mesh:
                 f"{path}: expected a mesh with triangles and finite vertices; got "
                 f"{len(getattr(mesh, 'faces', ()))} triangles. Export the surface, not only points or lines."
             )
-        # Normals that came with the file wait in trimesh's cache; others would be computed on first use.
-        given = mesh.vertex_normals if "vertex_normals" in mesh._cache else None
-        return cls(np.asarray(mesh.vertices), np.asarray(mesh.faces), given)
+        return cls(np.asarray(mesh.vertices), np.asarray(mesh.faces), _given_normals(loaded))
 
     @cached_property
     def _corner_normals(self) -> np.ndarray:
         """A normal for every corner of every face, [F, 3, 3]."""
-        if self._given is not None and np.isfinite(self._given).all():
+        if self._given is not None:
             return self._given
         from scipy.sparse import coo_matrix
         from scipy.sparse.csgraph import connected_components
@@ -82,8 +83,15 @@ class Mesh:
 
     @cached_property
     def convex(self) -> bool:
-        """A convex body cannot shadow itself: its shadow rays need not be cast."""
-        return bool(self._mesh.is_watertight and self._mesh.is_convex)
+        """A convex body cannot shadow itself: its shadow rays need not be cast.
+
+        Judged by the volume of the convex hull. Finding out costs more than the rays on a large mesh, which then counts
+        as not convex.
+        """
+        mesh = self._mesh
+        if len(mesh.faces) > _LARGE or not mesh.is_watertight:
+            return False
+        return bool(mesh.volume >= (1 - 1e-4) * mesh.convex_hull.volume)
 
     @cached_property
     def extent(self) -> float:
@@ -125,3 +133,19 @@ class Mesh:
         from trimesh.ray.ray_pyembree import RayMeshIntersector
 
         return RayMeshIntersector(self._mesh)
+
+
+def _given_normals(scene) -> np.ndarray | None:  # type: ignore[no-untyped-def]
+    """Vertex normals that came with the file, or None.
+
+    trimesh keeps them in the cache of a single geometry, and drops them when it joins several.
+    """
+    geometries = list(scene.geometry.values())
+    if len(geometries) != 1 or "vertex_normals" not in geometries[0]._cache:
+        return None
+    nodes = scene.graph.nodes_geometry
+    transform = scene.graph.get(nodes[0])[0]
+    normals = np.asarray(geometries[0].vertex_normals, dtype=float)
+    if len(nodes) != 1 or not np.allclose(transform, np.eye(4)) or not np.isfinite(normals).all():
+        return None
+    return normals

@@ -110,6 +110,8 @@ def from_mesh(mesh: Mesh, camera: Camera, shape: tuple[int, int], mask: np.ndarr
         faces=faces,
         mesh=mesh,
     )
+    if not facing.any():
+        raise InputError("all normals of the mesh point away from the camera: it is inside out; flip its faces.")
     return surface.take(facing)
 
 

@@ -208,7 +208,7 @@ def test_digests_are_those_of_the_files(folder):
     capture = folder.load()
     content = (folder.path / "01.npy").read_bytes()
     assert capture.digests()["01.npy"] == "sha256:" + hashlib.sha256(content).hexdigest()
-    assert list(capture.digests()) == ["00.npy", "01.npy"]
+    assert list(capture.digests()) == ["00.npy", "01.npy", "capture.toml", "mask.png"]
 
 
 def test_progress_counts_the_images(folder):

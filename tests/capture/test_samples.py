@@ -169,15 +169,12 @@ def test_samples_near_the_end_of_the_range_are_not_biased(black):
 
 
 @pytest.mark.parametrize("size", [100, 257, 10_000])
-def test_unshuffled_batches_are_tiles(size):
+def test_unshuffled_batches_run_through_the_images_in_order(size):
     samples = photograph(sphere_scene()).samples()
-    tiles, batches = list(samples.tiles(size)), list(samples.batches(size))
-    assert len(tiles) == len(batches)
-    for tile, batch in zip(tiles, batches, strict=True):
-        assert len(tile) <= size
-        assert tile.cluster == batch.cluster
-        assert torch.equal(tile.radiance, batch.radiance)
-        assert torch.equal(tile.points.wi, batch.points.wi)
+    batches = list(samples.batches(size))
+    assert [len(batch) for batch in batches[:-1]] == [size] * (len(batches) - 1)
+    whole = torch.cat([samples.at(image, samples.indices(k)).radiance for k, image in enumerate(samples.images)])
+    torch.testing.assert_close(torch.cat([batch.radiance for batch in batches]), whole, rtol=0, atol=0)
 
 
 @pytest.mark.parametrize("size", [64, 333, 100_000])

@@ -1,0 +1,184 @@
+"""Error bars of a solution, and what they make of each parameter: a number, a bound, or nothing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import torch
+from torch import Tensor
+
+from matest.capture import Capture, Samples
+from matest.capture.samples import BLOCKS
+from matest.estimators import AllTiles, Solution, accumulate, at_bound, bounded_step
+from matest.result import ParameterEstimate
+from matest.uncertainty import Covariance, correlation_of_residuals, fisher, jackknife, quantile95
+
+# χ² per value above this says that the model does not hold: stated noise is exact, noise estimated from the pictures
+# is known to some per cent.
+_HOLDS_STATED, _HOLDS_ESTIMATED = 1.03, 1.10
+# Scores of blocks of pixels that scatter this many times as much as independent residuals' do: not independent.
+_CORRELATED = 2.0
+# With fewer images, blocks of pixels serve as clusters; with fewer of those, there is nothing to leave out.
+_MIN_CLUSTERS = 4
+# No better known than a value drawn evenly from the domain (its std is width/√12): not determined.
+_KNOWS_NOTHING = 1 / math.sqrt(12)
+
+
+@dataclass(frozen=True)
+class ErrorBars:
+    """Error bars of a solution.
+
+    Attributes:
+        covariance: with parameters at a bound left out.
+        open: the same with them let free: how far inside the domain the truth may lie.
+        bound: unknowns at a bound [P].
+        chi2: per value.
+        correlation: of residuals over blocks of pixels: 1 if they are independent.
+        holds: whether the model describes the images to their noise.
+        kind: what the error bars rest on.
+        quadratic: for unknowns at a lower bound where the model is flat in them to first order, how far inside the
+            domain the truth may lie (95 %).
+    """
+
+    covariance: Covariance
+    open: Covariance
+    bound: Tensor
+    chi2: float
+    correlation: float
+    holds: bool
+    kind: str
+    quadratic: dict[int, float] = field(default_factory=dict)
+
+    @property
+    def reason(self) -> str:
+        """Why the model does not hold."""
+        if self.correlation > _CORRELATED and self.chi2 < _HOLDS_ESTIMATED:
+            times = math.sqrt(self.correlation)
+            return f"residuals lean the same way over whole regions, {times:.3g} times as much as by chance"
+        return f"residuals are {math.sqrt(self.chi2):.3g} times as large"
+
+
+def error_bars(solution: Solution, capture: Capture) -> ErrorBars:
+    """Error bars of a solution: Fisher's where the model holds, jackknifed ones where it does not."""
+    problem, statistics = solution.problem, solution.statistics
+    values = max(statistics.total("values"), 1)
+    chi2 = statistics.total("chi2") / values
+    bound = at_bound(problem, solution.unknowns, statistics.gradient)
+    everything = torch.ones_like(bound)
+    scale = max(chi2, 1.0)
+    closed, opened = (fisher(statistics.information / scale, free) for free in (~bound, everything))
+    blocks = [sums.gradient / scale for sums in statistics.clusters.values()]
+    correlation = correlation_of_residuals(blocks, closed)
+    allowed = (_HOLDS_STATED if capture.noise_given else _HOLDS_ESTIMATED) + 5 * math.sqrt(2 / values)
+    holds = chi2 <= allowed and correlation <= _CORRELATED
+    by_image = statistics.grouped(BLOCKS)
+    clusters = by_image if len(by_image.clusters) >= _MIN_CLUSTERS else statistics
+    if holds or len(clusters.clusters) < _MIN_CLUSTERS:
+        return ErrorBars(closed, opened, bound, chi2, correlation, holds, "fisher")
+    informations = [sums.information for sums in clusters.clusters.values()]
+    gradients = [sums.gradient for sums in clusters.clusters.values()]
+
+    def inside(information: Tensor, gradient: Tensor) -> Tensor:
+        return bounded_step(problem, solution.unknowns, information, gradient)
+
+    def anywhere(information: Tensor, gradient: Tensor) -> Tensor:
+        return fisher(information, everything).matrix @ gradient
+
+    return ErrorBars(
+        jackknife(informations, gradients, ~bound, inside),
+        jackknife(informations, gradients, everything, anywhere),
+        bound,
+        chi2,
+        correlation,
+        holds,
+        "jackknife over images" if clusters is by_image else "jackknife over blocks",
+    )
+
+
+def flat_at_bound(solution: Solution, bars: ErrorBars, samples: Samples) -> dict[int, float]:
+    """95 % reach inside the domain of unknowns near a lower bound where the model does not change to first order.
+
+    Oren-Nayar depends on σ²: at σ = 0 the information on σ is zero although σ² is well known. Information on s = σ² is
+    that on σ at a small ε divided by 4ε², so that σ < √(1.96 std(s)) with std(s) = 2ε std(σ at ε).
+    """
+    problem = solution.problem
+    reach = {}
+    for name in problem.shapes:
+        domain, place = problem.domain(name), problem.where[name]
+        epsilon = 0.02 * domain.width
+        if problem.declared(name).log or float(solution.unknowns[place].max()) > epsilon:
+            continue
+        moved = solution.unknowns.clone()
+        moved[place] = domain.lower + epsilon
+        statistics = accumulate(problem, moved, AllTiles(samples), solution.unknowns)
+        covariance = fisher(statistics.information / max(bars.chi2, 1.0), torch.ones(problem.size, dtype=torch.bool))
+        for position in range(place.start, place.stop):
+            std, value = float(covariance.std[position]), float(solution.unknowns[position]) - domain.lower
+            limit = math.sqrt(value**2 + quantile95(math.inf) * 2 * epsilon * std)
+            # Zero lies inside the interval: the parameter sits at its bound for all that these images tell.
+            if not bool(covariance.undetermined[position]) and value**2 < quantile95(math.inf) * 2 * epsilon * std:
+                reach[position] = limit
+    return reach
+
+
+def parameter_estimates(solution: Solution, bars: ErrorBars) -> dict[str, ParameterEstimate]:
+    problem = solution.problem
+    values = problem.values(solution.unknowns)
+    out = {}
+    for name, declared in problem.brdf.declared.items():
+        source = problem.ties.get(name, name)
+        value = values[name]
+        if source in problem.where:
+            found = parameter_estimate(solution, bars, source)
+            status = "tied" if source != name else found.status
+            out[name] = replace(found, status=status, unit=declared.unit, doc=declared.doc)
+        elif not declared.gauge:
+            out[name] = ParameterEstimate(value.tolist(), None, None, declared.unit, "fixed", declared.doc)
+    return out
+
+
+def parameter_estimate(solution: Solution, bars: ErrorBars, name: str) -> ParameterEstimate:
+    """Value, error bar and interval of a free parameter, channel by channel."""
+    problem, place = solution.problem, solution.problem.where[name]
+    domain, declared = problem.domain(name), problem.declared(name)
+    reach = quantile95(bars.covariance.degrees)
+    values: list[float | None] = []
+    stds: list[float | None] = []
+    intervals: list[list[float] | None] = []
+    states = []
+    for position in range(place.start, place.stop):
+        value = float(solution.unknowns[position])
+        reach_inside = bars.quadratic.get(position)
+        at_end = bool(bars.bound[position]) or reach_inside is not None
+        covariance = bars.open if at_end else bars.covariance
+        std = float(covariance.std[position])
+        # Under an unknown light scale only a value in proportion to the others can be called large.
+        scale = float(solution.unknowns[place].max()) if math.isinf(domain.width) else domain.width
+        largest = min(_KNOWS_NOTHING * scale, 0.5 * value if declared.log else math.inf)
+        if reach_inside is not None:
+            values.append(domain.lower)
+            stds.append(None)
+            intervals.append([domain.lower, min(domain.upper, domain.lower + reach_inside)])
+            states.append("at bound")
+            continue
+        if bool(covariance.undetermined[position]) or (std > largest and not at_end):
+            values.append(None)
+            stds.append(None)
+            intervals.append(None)
+            states.append("not determined")
+            continue
+        values.append(value)
+        stds.append(None if at_end else std)
+        intervals.append([max(domain.lower, value - reach * std), min(domain.upper, value + reach * std)])
+        states.append("at bound" if at_end else "determined")
+    status = next(state for state in ("not determined", "at bound", "determined") if state in states)
+    single = len(values) == 1
+    return ParameterEstimate(
+        values[0] if single else values,
+        stds[0] if single else stds,
+        intervals[0] if single else intervals,
+        declared.unit,
+        status,
+        declared.doc,
+    )
