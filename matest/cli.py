@@ -120,17 +120,19 @@ def predict(
     """
     from matest.estimation import image_errors
     from matest.report.folder import check_destination, write_prediction
-    from matest.result import load_material
+    from matest.result import load_material, material_is_relative
 
     material = load_material(result)
     folder = result if result.is_dir() else result.parent
-    place = out or folder.with_name(f"{folder.name}-predict-{_folder(capture).name}")
+    place = out or folder.with_name(f"{folder.name}-predict-{_name(capture)}")
     check_destination(place, "prediction.json")
     with _progress(str(capture)) as say:
         loaded = _load(capture, transfer, None, say)
         say("shading")
         errors = image_errors(loaded, material)
         write_prediction(material, errors, loaded, place)
+    if not loaded.relative and material_is_relative(result):
+        _note(f"the albedo in {result} is known up to a scale only, so brightness and errors here are off by that.")
     if as_json:
         _print_json({"out": str(place), "relative_rmse": dict(zip(loaded.names, errors, strict=True))})
         return
@@ -188,7 +190,8 @@ def compare(
         chosen = _line(line)
     found = profiles.compare(pixels, _distinct(images), chosen)
     out.parent.mkdir(parents=True, exist_ok=True)
-    plot, table = Path(f"{out}.png"), Path(f"{out}.csv")
+    stem = out.with_suffix("") if out.suffix in (".png", ".csv") else out
+    plot, table = Path(f"{stem}.png"), Path(f"{stem}.csv")
     plot_profiles(found, plot)
     write_columns(table, {"distance": found.distance, **dict(zip(found.names, found.profiles, strict=True))})
     if as_json:
@@ -271,7 +274,7 @@ def _places(captures: list[Path], out: Path | None) -> dict[Path, Path]:
     """Where the result of each capture goes."""
     if len(captures) == 1:
         return {captures[0]: out or _folder(captures[0]) / "matest"}
-    names = [_folder(path).name for path in captures]
+    names = [_name(path) for path in captures]
     if out is not None and len(set(names)) < len(names):
         raise InputError(f"two captures have the same name ({', '.join(sorted(names))}); estimate them one by one.")
     return {
@@ -282,8 +285,11 @@ def _places(captures: list[Path], out: Path | None) -> dict[Path, Path]:
 
 def _folder(capture: Path) -> Path:
     """The folder of a capture given by folder or by file."""
-    capture = Path(os.path.abspath(capture))
     return capture if capture.is_dir() else capture.parent
+
+
+def _name(capture: Path) -> str:
+    return os.path.basename(os.path.abspath(_folder(capture)))
 
 
 @contextmanager
@@ -309,6 +315,10 @@ def _console():  # type: ignore[no-untyped-def]
 
 def _print_json(content: Any) -> None:
     typer.echo(json.dumps(content, ensure_ascii=False))
+
+
+def _note(text: str) -> None:
+    print(f"matest: note: {text}", file=sys.stderr)
 
 
 def _fail(text: str, code: int) -> None:
@@ -369,7 +379,8 @@ def _check_device(device: str) -> None:
     try:
         torch.zeros(1, device=device)
     except (RuntimeError, AssertionError) as error:
-        raise InputError(f"--device {device} is not available here ({str(error).splitlines()[0]}); use cpu.") from None
+        reason = str(error).splitlines()[0][:120]
+        raise InputError(f"--device {device} is not available here ({reason}); use cpu, or cuda where there is a GPU.")
 
 
 def _as_fractions(image: Any) -> Any:

@@ -133,7 +133,7 @@ def parameter_estimates(solution: Solution, bars: ErrorBars) -> dict[str, Parame
             found = parameter_estimate(solution, bars, source)
             status = "tied" if source != name else found.status
             out[name] = replace(found, status=status, unit=declared.unit, doc=declared.doc)
-        elif not declared.gauge:
+        elif not declared.gauge or float(value) != 1:
             out[name] = ParameterEstimate(value.tolist(), None, None, declared.unit, "fixed", declared.doc)
     return out
 

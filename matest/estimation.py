@@ -22,6 +22,8 @@ from matest.shader import render
 from matest.specification import Constraints, Specification, Value, freed, specify
 from matest.uncertainty import fisher
 
+# Worth a word of warning: less than this share of the mask is geometry, or a fit worse than this.
+_COVERED, _POOR = 0.5, 0.15
 # A parameter held by default is freed when its predicted relative error is below this.
 _WORTH_FREEING = 0.25
 Progress = Callable[[str], None]
@@ -108,7 +110,7 @@ def estimate(
         skipped=_skipped(samples, specification, material),
         timing_s={"read": capture.timing["read"], "geometry": capture.timing["geometry"], "fit": fit_s},
         holdout=left_out,
-        warnings=_warnings(capture, specification, solution, parameters, bars),
+        warnings=_warnings(samples, specification, solution, parameters, bars),
     )
 
 
@@ -226,13 +228,16 @@ def _skipped(samples: Samples, specification: Specification, material: Brdf) -> 
 
 
 def _warnings(
-    capture: Capture,
+    samples: Samples,
     specification: Specification,
     solution: Solution,
     parameters: dict[str, ParameterEstimate],
     bars: ErrorBars,
 ) -> list[str]:
     out = []
+    capture = samples.capture
+    statistics = solution.statistics
+    relative_rmse = _relative(statistics.total("squared_residual"), statistics.total("squared_signal"))
     if capture.relative:
         out.append(
             "The common scale of the lights is unknown (relative radiometry): albedo is reported up to that scale."
@@ -241,6 +246,19 @@ def _warnings(
         out.append(
             f"{name} is held at {float(solution.problem.held[name]):g}: these images do not determine it beside the "
             f"strength of the highlight; --free {name} estimates it all the same, --fix {name}=VALUE sets it."
+        )
+    surface = capture.scene.surface
+    if surface.coverage < _COVERED:
+        out.append(
+            f"The geometry covers only {surface.coverage:.0%} of the mask: check the camera and the mesh's units."
+        )
+    empty = [capture.names[k] for k, count in zip(samples.images, samples.counts, strict=True) if not count]
+    if empty:
+        out.append(f"{', '.join(empty)} gives no usable pixel: is its light behind the object, or the image clipped?")
+    if relative_rmse > _POOR:
+        out.append(
+            f"The model misses the images by {relative_rmse:.0%}: check encoding.transfer, the directions of the "
+            "lights, and that normals have y up and z toward the viewer, or try another model."
         )
     lost = [name for name, parameter in parameters.items() if parameter.status == "not determined"]
     if len(lost) > 1:

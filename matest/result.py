@@ -132,7 +132,13 @@ class Estimate:
     def material_dict(self) -> dict[str, Any]:
         """The content of `material.json`: the model and the values that shading needs."""
         values = {name: value.tolist() for name, value in self.material.parameters.items()}
-        return {"model": self.model, "parameters": values}
+        radiometry = "relative" if self.relative else "absolute"
+        return {"model": self.model, "radiometry": radiometry, "parameters": values}
+
+
+def material_is_relative(path: str | Path) -> bool:
+    """Whether a stored material was estimated under lights of unknown strength: its albedo has a free scale."""
+    return _read_material(path).get("radiometry") == "relative"
 
 
 def load_material(path: str | Path) -> Brdf:
@@ -141,6 +147,15 @@ def load_material(path: str | Path) -> Brdf:
     Raises:
         InputError: there is none, or it cannot be read.
     """
+    content = _read_material(path)
+    brdf, _ = model(content["model"])
+    # Under relative radiometry an albedo may pass 1: tensors are taken as they are.
+    return brdf.replace(
+        {name: torch.tensor(value, dtype=torch.float64) for name, value in content["parameters"].items()}
+    )
+
+
+def _read_material(path: str | Path) -> dict[str, Any]:
     path = Path(path)
     file = path / "material.json" if path.is_dir() else path
     if not file.is_file():
@@ -149,9 +164,7 @@ def load_material(path: str | Path) -> Brdf:
         )
     try:
         content = json.loads(file.read_text("utf-8"))
-        expression, values = content["model"], content["parameters"]
-    except (ValueError, KeyError, TypeError) as error:
+        _ = content["model"], content["parameters"].items()
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{file}: expected a material of 'matest estimate'; cannot read it ({error}).") from None
-    brdf, _ = model(expression)
-    # Under relative radiometry an albedo may pass 1: tensors are taken as they are.
-    return brdf.replace({name: torch.tensor(value, dtype=torch.float64) for name, value in values.items()})
+    return content

@@ -21,7 +21,7 @@ import torch
 from matest.brdf import Brdf, model
 from matest.capture import schema
 from matest.capture.assembly import Folder, build_encoding, build_lights, build_surface, colour
-from matest.capture.capture import capture_file
+from matest.capture.capture import capture_file, references
 from matest.capture.images import read_image, write_image
 from matest.capture.photometry import Encoding, Noise
 from matest.errors import InputError
@@ -111,19 +111,17 @@ def simulate(
     tables, file = description.tables, description.file
     folder = Path(out) if out is not None else file.parent
     target = folder / "capture.toml"
-    if target.exists() and not target.read_text("utf-8").startswith(_HEADER.split("{")[0]):
-        raise InputError(f"{target}: exists and was not written by 'matest render'; give another folder with -o.")
-    bits = tables.noise.bits if tables.noise else None
+    bits = _bits(tables, str(file))
+    suffix = ".png" if bits else ".exr"
+    names = [table.file or f"{number:02d}{suffix}" for number, table in enumerate(tables.image)]
+    _check_outputs(description, folder, names)
     encoding = _encoding(description, integer=bits is not None)
     noise = Noise(tables.noise.read, tables.noise.gain) if tables.noise else Noise(0.0, 0.0)
     generator = np.random.Generator(np.random.Philox(tables.noise.seed if tables.noise else 0))
     folder.mkdir(parents=True, exist_ok=True)
-    names = []
     for number, table in enumerate(tables.image):
         pixels = _expose(radiance(description, number), table.exposure, encoding, noise, generator)
-        name = table.file or f"{number:02d}.{'png' if bits else 'exr'}"
-        _replace(folder / name, _stored(pixels, encoding, bits))
-        names.append(name)
+        _replace(folder / names[number], _stored(pixels, encoding, bits))
         progress(number + 1, len(tables.image))
     _write_geometry(description, folder)
     text = _HEADER.format(scene=file.name) + _toml(_capture_table(description, encoding, names))
@@ -192,6 +190,46 @@ def _enlarged(tables: schema.SceneFile, factor: int) -> schema.SceneFile:
         matrix[:2] *= factor
         fine.camera.matrix = tuple(tuple(row) for row in matrix.tolist())  # type: ignore[assignment]
     return fine
+
+
+def _bits(tables: schema.SceneFile, label: str) -> int | None:
+    """Bits of the images: as the scene says, or as the names of its files imply; None for floats.
+
+    Raises:
+        InputError: names of formats that cannot be written, that differ, or that hold no such bits.
+    """
+    suffixes = {Path(image.file).suffix.lower() for image in tables.image if image.file}
+    stated = tables.noise.bits if tables.noise else None
+    known = {".exr": (None,), ".npy": (None,), ".png": (16, 8), ".tif": (16, 8), ".tiff": (16, 8)}
+    for suffix in suffixes:
+        if suffix not in known:
+            raise InputError(f"{label}: images are written as {', '.join(known)}; got '{suffix}'. Rename the files.")
+    admitted = [bits for bits in (16, 8, None) if all(bits in known[suffix] for suffix in suffixes)]
+    if not suffixes:
+        return stated
+    if stated is None and admitted:
+        return admitted[0]
+    if stated not in admitted:
+        names = " and ".join(sorted(suffixes))
+        raise InputError(f"{label}: {names} files cannot hold noise.bits = {stated}; rename the files or change bits.")
+    return stated
+
+
+def _check_outputs(description: SceneDescription, folder: Path, names: list[str]) -> None:
+    """Refuse to write over anything but an earlier rendering.
+
+    Raises:
+        InputError: see there.
+    """
+    target = folder / "capture.toml"
+    earlier = target.exists() and target.read_text("utf-8").startswith(_HEADER.split("{")[0])
+    if target.exists() and not earlier:
+        raise InputError(f"{target}: exists and was not written by 'matest render'; give another folder with -o.")
+    inputs = {description.file.parent / name for _, name in references(description.tables)}
+    for name in (*names, "mask.png", "normals.exr"):
+        path = folder / name
+        if path in inputs or (path.exists() and not earlier):
+            raise InputError(f"{path}: would be overwritten; give another folder with -o.")
 
 
 def _encoding(description: SceneDescription, *, integer: bool) -> Encoding:

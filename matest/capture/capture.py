@@ -162,7 +162,7 @@ def load_capture(
         relative=tables.encoding.radiometry == "relative" or not all(known for _, known in lit),
         folder=folder.path,
         files=tuple(paths),
-        others=(file, *(folder.file(name, key) for key, name in _references(tables))),
+        others=(file, *(folder.file(name, key) for key, name in references(tables))),
         timing={"read": read_s, "geometry": geometry_s},
     )
     clock = time.perf_counter()
@@ -181,6 +181,10 @@ def capture_file(path: str | Path, name: str) -> Path:
     if not file.is_file():
         expected = f"expected a folder with a {name}" if path.is_dir() or not path.suffix else "no such file"
         raise InputError(f"{path}: {expected}; check the path.")
+    if file.suffix.lower() != ".toml":
+        raise InputError(
+            f"{path}: expected a folder or its {name}; got a {file.suffix or 'nameless'} file. Give the folder."
+        )
     return file
 
 
@@ -231,7 +235,7 @@ class _Spill:
         return spilled
 
 
-def _references(tables: schema.CaptureFile) -> list[tuple[str, str]]:
+def references(tables: schema.CaptureFile) -> list[tuple[str, str]]:
     """Files that a capture refers to beside its images, with the key that does."""
     geometry, encoding = tables.geometry, tables.encoding
     found = {

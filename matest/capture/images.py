@@ -50,7 +50,10 @@ def read_image(path: Path) -> np.ndarray:
 
 
 def write_image(path: Path, image: np.ndarray) -> None:
-    """Write H×W or H×W×C (RGB): EXR from floats, PNG from uint8 or uint16."""
+    """Write H×W or H×W×C (RGB): EXR or NPY from floats, PNG or TIFF from uint8 or uint16."""
+    if path.suffix.lower() == ".npy":
+        np.save(path, image)
+        return
     if path.suffix.lower() == ".exr":
         import OpenEXR
 

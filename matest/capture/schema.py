@@ -128,7 +128,8 @@ def _explain(message: str, kind: type) -> str:
     choice = re.search(r"Invalid enum value '?(.+?)'?$", text)
     if choice:
         known = [c for c in _choices(kind, where) if isinstance(c, str)]
-        return f"{where}: unknown value '{choice.group(1)}'; {nearest(choice.group(1), known)}"
+        number = " or a number" if any(c in (int, float) for c in _choices(kind, where)) else ""
+        return f"{where}: unknown value '{choice.group(1)}'; expected {' or '.join(known)}{number}."
     expected = text.replace("Expected", "expected").replace("`", "").replace("array", "a list")
     return f"{where or 'the file'}: {expected}; correct the value."
 

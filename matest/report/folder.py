@@ -61,8 +61,11 @@ def _is_ours(file: Path) -> bool:
 @contextmanager
 def whole_folder(out: Path) -> Iterator[Path]:
     """A temporary folder beside `out` that takes its place when the block ends well, and vanishes otherwise."""
-    out.parent.mkdir(parents=True, exist_ok=True)
-    temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(out)) from None
     previous = temporary.with_name(temporary.name + "-previous")
     try:
         yield temporary
@@ -94,7 +97,7 @@ def write_result(
         timing = {**estimate.timing_s, "report": time.perf_counter() - clock}
         timing["total"] = sum(timing.values())
         estimate = replace(estimate, timing_s=timing)
-        (folder / "report.html").write_text(page(estimate, len(capture)), "utf-8")
+        (folder / "report.html").write_text(page(estimate, capture.names), "utf-8")
         _write_json(folder / "result.json", estimate.to_dict())
     return estimate
 

@@ -33,6 +33,11 @@ def rows(name: str, parameter: ParameterEstimate, channels: tuple[str, ...]) -> 
     ]
 
 
+def share(value: float | None) -> str:
+    """A relative error in per cent, or that there is none."""
+    return "no usable pixel" if value is None else f"{value:.2%}"
+
+
 def chi2(value: float) -> str:
     """χ² per value: two decimals near 1, three digits far from it."""
     return f"{value:.2f}" if value < 100 else f"{value:.3g}"
@@ -43,11 +48,18 @@ def channel_names(count: int) -> tuple[str, ...]:
 
 
 def _cells(value: float | None, std: float | None, interval: list[float] | None, unit: str) -> tuple[str, str]:
+    if value is None:
+        return "-", "-"
     if unit == "rad":
         degrees = [None if v is None else math.degrees(v) for v in (value, std)]
-        text = "-" if value is None else f"{measured(value, std)} rad\n{measured(*degrees)} degrees"
-        span = "-" if interval is None else f"{math.degrees(interval[0]):.4g}° to {math.degrees(interval[1]):.4g}°"
-        return text, span
-    suffix = "" if unit == "1" or value is None else f" {unit}"
-    span = "-" if interval is None else f"{interval[0]:.4g} to {interval[1]:.4g}"
-    return measured(value, std) + suffix, span
+        span = "-" if interval is None else _span([math.degrees(end) for end in interval], "°")
+        return f"{measured(value, std)} rad\n{measured(*degrees)} degrees", span
+    suffix = "" if unit == "1" else f" {unit}"
+    return measured(value, std) + suffix, "-" if interval is None else _span(interval, "")
+
+
+def _span(ends: list[float], suffix: str) -> str:
+    """An interval with as many digits as its width allows."""
+    width = ends[1] - ends[0]
+    digits = min(max(2 - math.floor(math.log10(width)), 0), 9) if width > 0 and math.isfinite(width) else 6
+    return " to ".join(f"{end:.{digits}f}{suffix}" for end in ends)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from html import escape
 
-from matest.report.format import channel_names, chi2, rows
+from matest.report.format import channel_names, chi2, rows, share
 from matest.report.pictures import RESIDUAL_RANGE
 from matest.result import Estimate
 
@@ -23,12 +23,12 @@ figcaption { font-size: .85rem; color: var(--soft); }
 """
 
 
-def page(estimate: Estimate, images: int) -> str:
+def page(estimate: Estimate, files: list[str]) -> str:
     """The report as HTML; pictures are referred to by their place in the result folder.
 
     Args:
         estimate: what to report.
-        images: number of images of the capture.
+        files: names of the capture's images.
     """
     fit = estimate.fit
     parts = [
@@ -60,9 +60,11 @@ def page(estimate: Estimate, images: int) -> str:
     ]
     if estimate.holdout:
         left = ", ".join(map(str, estimate.holdout["images"]))
-        parts.append(f"<p>Images left out ({left}): relative rms error {estimate.holdout['relative_rmse']:.2%}.</p>")
+        parts.append(f"<p>Images left out ({left}): relative rms error {share(estimate.holdout['relative_rmse'])}.</p>")
     if estimate.candidates:
-        parts.append("<h2>Models tried, and their error on images left out of the fit</h2>")
+        parts.append(
+            "<h2>Models tried, and their error on what was left out</h2><p>Over a sample spread evenly over angles.</p>"
+        )
         parts.append(
             _table(
                 ("model", "error", "verdict"),
@@ -73,15 +75,16 @@ def page(estimate: Estimate, images: int) -> str:
     parts.append("<h2>Images</h2>")
     parts.append(
         f"<p>Photograph, the estimated material under the same light, and their difference: red where the photograph "
-        f"is brighter, blue where it is darker, full colour at {RESIDUAL_RANGE:.0%} of the rms brightness.</p>"
+        f"is brighter, blue where it is darker, full colour at {RESIDUAL_RANGE:.0%} of the rms brightness, "
+        "grey where a pixel did not count (background, rim, shadow, saturation).</p>"
     )
     parts.append('<div class="images">')
-    for number in range(images):
+    for number, file in enumerate(files):
         for kind, caption in (("photo", "photograph"), ("render", "model"), ("residual", "difference")):
             source = f"images/{number:02d}_{kind}.png"
             parts.append(
                 f'<figure><img src="{source}" alt="{caption} {number}" loading="lazy">'
-                f"<figcaption>{number}: {caption}</figcaption></figure>"
+                f"<figcaption>{escape(file)}: {caption}</figcaption></figure>"
             )
     parts.append("</div>")
     parts += ["<h2>Not computed</h2>", _skipped(estimate), "<h2>Time</h2>", _timing(estimate)]
@@ -111,7 +114,7 @@ def _cell(text: str) -> str:
 def _skipped(estimate: Estimate) -> str:
     counts = [f"{count:,} {reason}" for reason, count in estimate.skipped.get("samples", {}).items() if count]
     work = "".join(f"<li>{escape(item)}</li>" for item in estimate.skipped.get("work", []))
-    return f"<ul><li>pixels: {escape(', '.join(counts) or 'none')}</li>{work}</ul>"
+    return f"<ul><li>pixels of all images: {escape(', '.join(counts) or 'none')}</li>{work}</ul>"
 
 
 def _timing(estimate: Estimate) -> str:

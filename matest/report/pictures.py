@@ -22,7 +22,7 @@ def write_pictures(capture: Capture, material: Brdf, folder: Path) -> None:
     """`images/NN_photo.png`, `NN_render.png`, `NN_residual.png` and `profile.csv`.
 
     Photograph and render share one exposure. In the residual red is a photograph brighter than the model, blue a
-    darker one, white agreement.
+    darker one, white agreement, grey a pixel that did not count.
 
     Args:
         capture: the photographs.
@@ -30,7 +30,7 @@ def write_pictures(capture: Capture, material: Brdf, folder: Path) -> None:
         folder: where to write.
     """
     (folder / "images").mkdir(parents=True, exist_ok=True)
-    surface = capture.scene.surface
+    surface, samples = capture.scene.surface, capture.samples()
     columns: dict[str, np.ndarray] = {}
     line = _object_row(surface.mask)
     for number in range(len(capture)):
@@ -42,8 +42,10 @@ def write_pictures(capture: Capture, material: Brdf, folder: Path) -> None:
         write_image(folder / "images" / f"{number:02d}_photo.png", srgb(0.8 * photo / white))
         write_image(folder / "images" / f"{number:02d}_render.png", srgb(0.8 * render / white))
         scale = RESIDUAL_RANGE * float(np.sqrt(np.mean(lit**2))) or 1.0
+        used = np.zeros(surface.shape, dtype=bool)
+        used.flat[surface.pixels[samples.indices(number)]] = True
         difference = (photo - render).mean(axis=2) / scale
-        write_image(folder / "images" / f"{number:02d}_residual.png", _diverging(difference, surface.mask))
+        write_image(folder / "images" / f"{number:02d}_residual.png", _diverging(difference, used))
         columns[f"photo_{number:02d}"] = cross_section(photo, line)
         columns[f"render_{number:02d}"] = cross_section(render, line)
     write_columns(folder / "profile.csv", {"x": np.arange(len(next(iter(columns.values())))), **columns})
@@ -66,7 +68,7 @@ def _object_row(mask: np.ndarray) -> tuple[float, float, float, float]:
 
 
 def _diverging(values: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """Blue (−1) over white to red (+1); grey background."""
+    """Blue (−1) over white to red (+1); grey outside the mask."""
     red, blue = np.array([178, 24, 43]), np.array([33, 102, 172])
     strength = np.abs(values).clip(0, 1)[..., None]
     colour = np.where(values[..., None] >= 0, red, blue)

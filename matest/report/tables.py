@@ -12,7 +12,7 @@ from rich.text import Text
 from matest.brdf import Brdf
 from matest.parameters import options_of, parameters_of
 from matest.profiles import Comparison
-from matest.report.format import channel_names, rows
+from matest.report.format import channel_names, rows, share
 from matest.result import Estimate
 
 _STATUS_STYLE = {"determined": "green", "at bound": "yellow", "not determined": "red"}
@@ -24,8 +24,14 @@ def estimate_table(estimate: Estimate) -> Group:
     for column in ("parameter", "value ± standard error", "95 % interval", "status"):
         table.add_column(column, no_wrap=column != "value ± standard error")
     channels = max((len(p.value) for p in estimate.parameters.values() if isinstance(p.value, list)), default=1)
+    component = ""
     for name, parameter in estimate.parameters.items():
-        for row in rows(name, parameter, channel_names(channels)):
+        # Parameters of a sum stand under the name of their model.
+        owner, dot, short = name.rpartition(".")
+        if dot and owner != component:
+            component = owner
+            table.add_row(Text(owner, style="bold"), "", "", "")
+        for row in rows(f"  {short}" if dot else name, parameter, channel_names(channels)):
             table.add_row(*row[:-1], Text(row[-1], style=_STATUS_STYLE.get(row[-1], "")))
     fit = estimate.fit
     parts: list[object] = []
@@ -35,7 +41,7 @@ def estimate_table(estimate: Estimate) -> Group:
     parts.append(Text(fit.message))
     summary = f"relative rms error {fit.relative_rmse:.2%}, {fit.samples_used:,} of {fit.samples:,} samples"
     if estimate.holdout:
-        summary += f", {estimate.holdout['relative_rmse']:.2%} on the images left out"
+        summary += f", {share(estimate.holdout['relative_rmse'])} on the images left out"
     parts.append(Text(summary + "."))
     parts += [Text(f"Note: {warning}", style="yellow") for warning in estimate.warnings]
     stages = ", ".join(f"{stage} {seconds:.2f} s" for stage, seconds in estimate.timing_s.items())
@@ -79,7 +85,7 @@ def prediction_table(errors: list[float | None], files: list[str]) -> Table:
     table.add_column("image")
     table.add_column("relative rms error", justify="right")
     for file, error in zip(files, errors, strict=True):
-        table.add_row(file, "no usable pixel" if error is None else f"{error:.2%}")
+        table.add_row(file, share(error))
     return table
 
 
@@ -97,7 +103,11 @@ def comparison_table(comparison: Comparison) -> Table:
 
 
 def _candidates(estimate: Estimate) -> Table:
-    table = Table(box=SIMPLE_HEAD, title="Models tried (error on what was left out of the fit)", title_justify="left")
+    table = Table(
+        box=SIMPLE_HEAD,
+        title="Models tried, and their error on what was left out (a sample spread evenly over angles)",
+        title_justify="left",
+    )
     table.add_column("model", no_wrap=True)
     table.add_column("error", justify="right")
     table.add_column("verdict")

@@ -30,6 +30,7 @@ class Surface:
         rim: True where the pixel touches a silhouette and may mix two surfaces [N].
         faces: triangle seen by each pixel [N] if the surface is a mesh.
         mesh: that mesh.
+        coverage: share of the mask's pixels in which there is a surface.
     """
 
     shape: tuple[int, int]
@@ -40,6 +41,7 @@ class Surface:
     rim: np.ndarray
     faces: np.ndarray | None = None
     mesh: Mesh | None = None
+    coverage: float = 1.0
 
     def __len__(self) -> int:
         return len(self.pixels)
@@ -109,6 +111,7 @@ def from_mesh(mesh: Mesh, camera: Camera, shape: tuple[int, int], mask: np.ndarr
         rim=rim,
         faces=faces,
         mesh=mesh,
+        coverage=1.0 if mask is None else float(hit.mean()),
     )
     if not facing.any():
         raise InputError("all normals of the mesh point away from the camera: it is inside out; flip its faces.")
