@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import matest
+from matest import arguments
 from matest.errors import InputError
 
 if TYPE_CHECKING:
@@ -76,8 +77,10 @@ def estimate(
     from matest.report.folder import check_destination
     from matest.specification import Constraints, specify
 
-    constraints = Constraints(dict(map(_assignment, fix or [])), tuple(free or ()), dict(map(_pair, tie or [])))
-    left_out = _indices(holdout)
+    constraints = Constraints(
+        dict(map(arguments.assignment, fix or [])), tuple(free or ()), dict(map(arguments.pair, tie or []))
+    )
+    left_out = arguments.indices(holdout)
     if model != "auto":
         specify(model, constraints, channels=_any_channels(constraints), relative=False)
     _check_device(device)
@@ -187,7 +190,7 @@ def compare(
     elif column is not None:
         chosen = (float(column), 0.0, float(column), height - 1.0)
     elif line is not None:
-        chosen = _line(line)
+        chosen = arguments.line(line)
     found = profiles.compare(pixels, _distinct(images), chosen)
     out.parent.mkdir(parents=True, exist_ok=True)
     stem = out.with_suffix("") if out.suffix in (".png", ".csv") else out
@@ -238,7 +241,7 @@ def _load(path: Path, transfer: str | None, root: Path | None, say: Callable[[st
     def progress(done: int, total: int) -> None:
         say(f"reading image {done} of {total}")
 
-    return matest.load_capture(path, transfer=_transfer(transfer), root=root, progress=progress)
+    return matest.load_capture(path, transfer=arguments.transfer(transfer), root=root, progress=progress)
 
 
 def _write(found: Estimate, capture: Capture, place: Path, say: Callable[[str], None]) -> Estimate:
@@ -324,46 +327,6 @@ def _note(text: str) -> None:
 def _fail(text: str, code: int) -> None:
     print(f"matest: {text}", file=sys.stderr)
     sys.exit(code)
-
-
-def _assignment(text: str) -> tuple[str, float | list[float]]:
-    """`f0=0.04`, `albedo=0.7,0.6,0.5`."""
-    from matest.brdf.expression import number
-
-    name, value = _pair(text)
-    numbers = [number(part, f"--fix {name}") for part in value.split(",")]
-    return name, numbers[0] if len(numbers) == 1 else numbers
-
-
-def _pair(text: str) -> tuple[str, str]:
-    name, equals, value = (part.strip() for part in text.partition("="))
-    if not (name and equals and value):
-        raise InputError(f"'{text}' must read NAME=VALUE.")
-    return name, value
-
-
-def _indices(text: str) -> list[int]:
-    try:
-        return [int(part) for part in text.split(",") if part.strip()]
-    except ValueError:
-        raise InputError(f"--holdout takes image numbers separated by commas, as 0,3; got '{text}'.") from None
-
-
-def _line(text: str) -> tuple[float, float, float, float]:
-    try:
-        x0, y0, x1, y1 = (float(part) for part in text.split(","))
-    except ValueError:
-        raise InputError(f"--line takes X0,Y0,X1,Y1 in pixels; got '{text}'.") from None
-    return x0, y0, x1, y1
-
-
-def _transfer(text: str | None) -> str | float | None:
-    if text is None or text in ("linear", "srgb"):
-        return text
-    try:
-        return float(text)
-    except ValueError:
-        raise InputError(f"--transfer must be linear, srgb or a number (gamma); got '{text}'.") from None
 
 
 def _any_channels(constraints: Any) -> int:

@@ -1,0 +1,46 @@
+"""Values on the command line: from text to numbers, pairs and lists."""
+
+from __future__ import annotations
+
+from matest.errors import InputError
+
+
+def assignment(text: str) -> tuple[str, float | list[float]]:
+    """`f0=0.04`, `albedo=0.7,0.6,0.5`."""
+    # Imported here: the catalogue of models needs torch, and --help must not.
+    from matest.brdf.expression import number
+
+    name, value = pair(text)
+    numbers = [number(part, f"--fix {name}") for part in value.split(",")]
+    return name, numbers[0] if len(numbers) == 1 else numbers
+
+
+def pair(text: str) -> tuple[str, str]:
+    name, equals, value = (part.strip() for part in text.partition("="))
+    if not (name and equals and value):
+        raise InputError(f"'{text}' must read NAME=VALUE.")
+    return name, value
+
+
+def indices(text: str) -> list[int]:
+    try:
+        return [int(part) for part in text.split(",") if part.strip()]
+    except ValueError:
+        raise InputError(f"--holdout takes image numbers separated by commas, as 0,3; got '{text}'.") from None
+
+
+def line(text: str) -> tuple[float, float, float, float]:
+    try:
+        x0, y0, x1, y1 = (float(part) for part in text.split(","))
+    except ValueError:
+        raise InputError(f"--line takes X0,Y0,X1,Y1 in pixels; got '{text}'.") from None
+    return x0, y0, x1, y1
+
+
+def transfer(text: str | None) -> str | float | None:
+    if text is None or text in ("linear", "srgb"):
+        return text
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError(f"--transfer must be linear, srgb or a number (gamma); got '{text}'.") from None
