@@ -21,6 +21,8 @@ _HOLDS_STATED, _HOLDS_ESTIMATED = 1.03, 1.10
 _CORRELATED = 2.0
 # With fewer images, blocks of pixels serve as clusters; with fewer of those, there is nothing to leave out.
 _MIN_CLUSTERS = 4
+# An amplitude this many standard errors above zero is seen.
+_VISIBLE = 2.0
 # No better known than a value drawn evenly from the domain (its std is width/√12): not determined.
 _KNOWS_NOTHING = 1 / math.sqrt(12)
 
@@ -147,6 +149,7 @@ def parameter_estimate(solution: Solution, bars: ErrorBars, name: str) -> Parame
     stds: list[float | None] = []
     intervals: list[list[float] | None] = []
     states = []
+    faint = _faint(solution, bars, name)
     for position in range(place.start, place.stop):
         value = float(solution.unknowns[position])
         reach_inside = bars.quadratic.get(position)
@@ -162,7 +165,7 @@ def parameter_estimate(solution: Solution, bars: ErrorBars, name: str) -> Parame
             intervals.append([domain.lower, min(domain.upper, domain.lower + reach_inside)])
             states.append("at bound")
             continue
-        if bool(covariance.undetermined[position]) or (std > largest and not at_end):
+        if bool(covariance.undetermined[position]) or faint or (std > largest and not at_end):
             values.append(None)
             stds.append(None)
             intervals.append(None)
@@ -182,3 +185,17 @@ def parameter_estimate(solution: Solution, bars: ErrorBars, name: str) -> Parame
         status,
         declared.doc,
     )
+
+
+def _faint(solution: Solution, bars: ErrorBars, name: str) -> bool:
+    """Whether a shape parameter belongs to a lobe that is not there: no amplitude of it is two errors above zero."""
+    problem = solution.problem
+    if name not in problem.shapes:
+        return False
+    carriers = {problem.ties.get(carrier, carrier) for carrier in problem.brdf.carriers(name)}
+    if not carriers - {*problem.gauges} <= {*problem.free}:
+        return False
+    carriers -= {*problem.gauges}
+    places = [position for carrier in carriers for position in range(*problem.where[carrier].indices(problem.size))]
+    std = bars.open.std
+    return bool(places) and all(float(solution.unknowns[k]) < _VISIBLE * float(std[k]) for k in places)

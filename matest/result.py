@@ -148,16 +148,25 @@ def load_material(path: str | Path) -> Brdf:
         InputError: there is none, or it cannot be read.
     """
     content = _read_material(path)
-    brdf, _ = model(content["model"])
-    # Under relative radiometry an albedo may pass 1: tensors are taken as they are.
-    return brdf.replace(
-        {name: torch.tensor(value, dtype=torch.float64) for name, value in content["parameters"].items()}
-    )
+    try:
+        brdf, _ = model(content["model"])
+        # Under relative radiometry an albedo may pass 1: tensors are taken as they are.
+        values = {key: torch.as_tensor(value, dtype=torch.float64) for key, value in content["parameters"].items()}
+        return brdf.replace(values)
+    except InputError as error:
+        raise InputError(f"{_material_file(path)}: expected a material of 'matest estimate'; {error}") from None
+    except (TypeError, ValueError, RuntimeError) as error:
+        file = _material_file(path)
+        raise InputError(f"{file}: expected a material of 'matest estimate'; cannot read it ({error}).") from None
+
+
+def _material_file(path: str | Path) -> Path:
+    path = Path(path)
+    return path / "material.json" if path.is_dir() else path
 
 
 def _read_material(path: str | Path) -> dict[str, Any]:
-    path = Path(path)
-    file = path / "material.json" if path.is_dir() else path
+    file = _material_file(path)
     if not file.is_file():
         raise InputError(
             f"{path}: expected a result folder of 'matest estimate', with a material.json; check the path."

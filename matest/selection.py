@@ -33,6 +33,8 @@ _MIN_IMAGES = 3
 _BANDS = 4
 # Better by chance is not better: two standard errors over the parts, and at least this share of the error.
 _STANDARD_ERRORS, _LEAST_GAIN = 2.0, 0.01
+# Squared relative errors below this are rounding.
+_LEAST_ERROR = 1e-12
 
 
 @dataclass(frozen=True)
@@ -94,9 +96,10 @@ def _verdict(trial: _Trial, best: _Trial | None) -> tuple[bool, str]:
     """Whether a trial replaces the best one so far, and why."""
     if best is None:
         return True, "the simplest model tried"
-    gains = best.errors - trial.errors
+    # By what factor each part's error falls: parts differ in how much they show, not in which model is better.
+    gains = 0.5 * np.log(np.maximum(best.errors, _LEAST_ERROR) / np.maximum(trial.errors, _LEAST_ERROR))
     gain, spread = float(gains.mean()), float(gains.std(ddof=1)) / math.sqrt(len(gains))
-    share = 1 - trial.score / best.score if best.score > 0 else 0.0
+    share = 1 - math.exp(-gain)
     if gain > _STANDARD_ERRORS * spread and share > _LEAST_GAIN:
         return True, f"predicts {{unit}}s left out better than {best.expression}: error {share:.0%} smaller"
     if share > 0:

@@ -22,7 +22,7 @@ from matest.brdf import Brdf, model
 from matest.capture import schema
 from matest.capture.assembly import Folder, build_encoding, build_lights, build_surface, colour
 from matest.capture.capture import capture_file, references
-from matest.capture.images import read_image, write_image
+from matest.capture.images import read_image, read_mask, write_image
 from matest.capture.photometry import Encoding, Noise
 from matest.errors import InputError
 from matest.scene import Scene
@@ -76,6 +76,9 @@ def load_scene(path: str | Path) -> SceneDescription:
         raise InputError(f"{file}: camera.supersampling must be 1 to 16, and 1 with a normal map; got {factor}.")
     fine = _enlarged(tables, factor)
     surface = build_surface(fine, folder, (shape[0] * factor, shape[1] * factor), str(file))
+    if fine.mask != tables.mask and tables.mask is not None:
+        mask = read_mask(folder.file(tables.mask, "mask")) > 0
+        surface = surface.take(mask.repeat(factor, axis=0).repeat(factor, axis=1).flat[surface.pixels])
     label = f"{file}: image {{}}".format
     lit = [build_lights(image, channels, label(k))[0] for k, image in enumerate(tables.image)]
     ambient = [colour(image.ambient, channels, label(k) + ": ambient") for k, image in enumerate(tables.image)]
@@ -198,20 +201,30 @@ def _bits(tables: schema.SceneFile, label: str) -> int | None:
     Raises:
         InputError: names of formats that cannot be written, that differ, or that hold no such bits.
     """
-    suffixes = {Path(image.file).suffix.lower() for image in tables.image if image.file}
+    files = [image.file for image in tables.image if image.file]
+    suffixes = {Path(file).suffix.lower() for file in files}
     stated = tables.noise.bits if tables.noise else None
-    known = {".exr": (None,), ".npy": (None,), ".png": (16, 8), ".tif": (16, 8), ".tiff": (16, 8)}
-    for suffix in suffixes:
-        if suffix not in known:
-            raise InputError(f"{label}: images are written as {', '.join(known)}; got '{suffix}'. Rename the files.")
+    known: dict[str, tuple[int | None, ...]] = {
+        ".exr": (None,),
+        ".npy": (None,),
+        ".png": (16, 8),
+        ".tif": (16, 8),
+        ".tiff": (16, 8),
+    }
+    for file in files:
+        if Path(file).suffix.lower() not in known:
+            raise InputError(f"{label}: images are written as {', '.join(known)}; got '{file}'. Rename it.")
+        if Path(os.path.normpath(file)).is_absolute() or os.path.normpath(file).startswith(".."):
+            raise InputError(f"{label}: file = '{file}' leads outside the capture's folder; name a file inside it.")
+        if files.count(file) > 1:
+            raise InputError(f"{label}: {files.count(file)} images are called '{file}'; give each a name of its own.")
     admitted = [bits for bits in (16, 8, None) if all(bits in known[suffix] for suffix in suffixes)]
     if not suffixes:
         return stated
     if stated is None and admitted:
         return admitted[0]
     if stated not in admitted:
-        names = " and ".join(sorted(suffixes))
-        raise InputError(f"{label}: {names} files cannot hold noise.bits = {stated}; rename the files or change bits.")
+        raise InputError(f"{label}: {', '.join(files)} cannot hold noise.bits = {stated}; rename them or change bits.")
     return stated
 
 
@@ -241,9 +254,9 @@ def _encoding(description: SceneDescription, *, integer: bool) -> Encoding:
         )
     if table.scale is None and integer:
         peak = max(float(radiance(description, k).max()) * image.exposure for k, image in enumerate(tables.image))
-        wanted = peak / (_EXPOSED - table.black)
+        wanted = peak / (_EXPOSED - table.black) if peak > 0 else 1.0
         # Two digits are enough, and leave the file readable.
-        step = 10 ** math.floor(math.log10(wanted)) / 10 if wanted > 0 else 1.0
+        step = 10 ** math.floor(math.log10(wanted)) / 10
         table.scale = float(f"{math.ceil(wanted / step) * step:.6g}")
     folder = Folder(description.file, description.file.parent.absolute())
     stored = np.zeros((1, 1, description.channels), np.uint16 if integer else np.float32)
@@ -319,6 +332,7 @@ def _given(table: msgspec.Struct) -> dict[str, Any]:
 
 def _replace(path: Path, image: np.ndarray) -> None:
     """Write an image whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".part-{path.name}")
     write_image(temporary, image)
     os.replace(temporary, path)

@@ -71,6 +71,15 @@ class Brdf:
         anywhere = self.replace({name: torch.tensor(0.5) for name in self.declared})
         return [factors for factors, _ in anywhere.terms(Directions(normal, normal))]
 
+    def carriers(self, shape: str) -> set[str]:
+        """Names of the parameters that multiply the terms which depend on the shape parameter `shape`."""
+        wi, wo = torch.tensor([[[0.3, 0.2, 0.93], [0.7, 0.1, 0.7]], [[-0.2, 0.4, 0.89], [0.5, -0.4, 0.77]]])
+        directions = Directions(wi, wo)
+        middle = {name: torch.tensor(0.5) for name in self.declared}
+        here, there = (self.replace({**middle, shape: torch.tensor(v)}).terms(directions) for v in (0.4, 0.6))
+        pairs = zip(here, there, strict=True)
+        return {factor for (factors, one), (_, other) in pairs if not torch.equal(one, other) for factor in factors}
+
     @property
     def factors(self) -> set[str]:
         """Names of the parameters that only multiply shapes: the amplitudes."""

@@ -12,8 +12,10 @@ from torch import Tensor
 from matest.estimators.linearise import Statistics
 from matest.estimators.problem import Problem
 
-# A promised drop in χ² below this share of it drowns in single-precision rounding.
-_ROUNDING = 1e-8
+# A promised drop in χ² below this share of it drowns in single-precision rounding; where it does, the estimate counts
+# as converged if the step it comes from is no longer than so many standard errors.
+_ROUNDING = 1e-9
+_SHORT = 0.1
 
 Evaluate = Callable[[Tensor], Statistics]
 
@@ -76,11 +78,14 @@ def bounded_step(
     problem: Problem, unknowns: Tensor, information: Tensor, gradient: Tensor, damping: float = 0.0
 ) -> Tensor:
     """The change of u [P] that minimises the damped quadratic model of χ² inside the bounds (primal active set)."""
-    scale = information.diagonal().clamp(min=1e-300).rsqrt()
+    # An unknown without information stays where it is.
+    informed = information.diagonal() > 0
+    root = information.diagonal().clamp(min=0).sqrt()
+    scale = torch.where(informed, 1 / root, 0.0)
     # In units of standard errors without correlation: the damped matrix has diagonal 1 + damping.
     scaled = information * scale[:, None] * scale[None, :] + (damping + 1e-13) * torch.eye(len(scale)).double()
     position, slope = unknowns, gradient * scale
-    held = at_bound(problem, position, slope)
+    held = at_bound(problem, position, slope) | ~informed
     for _ in range(4 * problem.size):
         index = (~held).nonzero()[:, 0]
         direction = torch.zeros_like(unknowns)
@@ -92,11 +97,11 @@ def bounded_step(
         reach = float(share.min())
         position = position + min(reach, 1.0) * direction
         position = torch.minimum(torch.maximum(position, problem.lower), problem.upper)
-        slope = gradient * scale - scaled @ ((position - unknowns) / scale)
+        slope = gradient * scale - scaled @ ((position - unknowns) * root)
         if reach < 1:
             held[int(share.argmin())] = True
             continue
-        inward = held & ~at_bound(problem, position, slope)
+        inward = held & informed & ~at_bound(problem, position, slope)
         if not bool(inward.any()):
             break
         held[int((inward * slope.abs()).argmax())] = False
@@ -118,10 +123,11 @@ def minimise(problem: Problem, start: Tensor, evaluate: Evaluate, *, passes: int
     damping, growth, share = 1e-6, 2.0, 1.0
     step = _step(problem, unknowns, statistics, damping)
     for iteration in range(1, passes):
+        if step.length < tolerance:
+            # The step itself is free: where it leads, the next one would be shorter by its square.
+            return Solution(problem, unknowns + share * step.change, statistics, iteration, step.length, True)
         chi2 = statistics.total("chi2")
         promise = share * step.slope - share**2 * step.curvature
-        if step.length < tolerance or promise < _ROUNDING * chi2:
-            return Solution(problem, unknowns, statistics, iteration, step.length, True)
         target = unknowns + share * step.change
         tried = evaluate(target)
         drop = chi2 - tried.total("chi2")
@@ -130,6 +136,8 @@ def minimise(problem: Problem, start: Tensor, evaluate: Evaluate, *, passes: int
             bend = (share * step.slope - drop) / (share**2 * step.curvature)
             unknowns, statistics = target, tried
             damping, growth, share = damping * max(0.1, 1 - (2 * drop / promise - 1) ** 3), 2.0, 1 / max(bend, 1.0)
+        elif promise < _ROUNDING * chi2:
+            return Solution(problem, unknowns, statistics, iteration + 1, step.length, step.length < _SHORT)
         else:
             damping, growth, share = max(damping, 1e-3) * growth, growth * 2, 1.0
         step = _step(problem, unknowns, statistics, damping)

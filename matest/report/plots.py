@@ -19,6 +19,8 @@ def plot_profiles(comparison: Comparison, path: Path) -> None:
     figure = Figure(figsize=(7, 4), layout="constrained")
     axes = figure.add_subplot()
     for number, (name, profile) in enumerate(zip(comparison.names, comparison.profiles, strict=True)):
+        # A dollar sign would start a formula.
+        name = name.replace("$", r"\$")
         label = name if number == 0 else f"{name} (rms {comparison.rms[number]:.3g})"
         style = _STYLES[number % len(_STYLES)]
         axes.plot(
