@@ -21,8 +21,9 @@ _HOLDS_STATED, _HOLDS_ESTIMATED = 1.03, 1.10
 _CORRELATED = 2.0
 # With fewer images, blocks of pixels serve as clusters; with fewer of those, there is nothing to leave out.
 _MIN_CLUSTERS = 4
-# An amplitude this many standard errors above zero is seen.
-_VISIBLE = 2.0
+# An amplitude this many standard errors above zero is seen: with a width free to be searched for, and several channels,
+# noise alone often looks like two or three.
+_VISIBLE = 4.0
 # No better known than a value drawn evenly from the domain (its std is width/√12): not determined.
 _KNOWS_NOTHING = 1 / math.sqrt(12)
 

@@ -96,7 +96,7 @@ def estimate(
     if holdout:
         left_out = {"images": sorted(set(holdout)), "relative_rmse": relative_error(capture, material, set(holdout))}
     # Noise belongs to the fit: reading is decoding, geometry is normals, rays and directions.
-    fit_s = time.perf_counter() - clock + capture.timing["noise"]
+    fit_s = time.perf_counter() - clock + capture.timing.get("noise", 0.0)
     return Estimate(
         capture=capture.name,
         model=material.expression,
@@ -108,7 +108,7 @@ def estimate(
         relative=capture.relative,
         candidates=candidates,
         skipped=_skipped(samples, specification, material),
-        timing_s={"read": capture.timing["read"], "geometry": capture.timing["geometry"], "fit": fit_s},
+        timing_s={**{stage: capture.timing.get(stage, 0.0) for stage in ("read", "geometry")}, "fit": fit_s},
         holdout=left_out,
         warnings=_warnings(samples, specification, solution, parameters, bars),
     )

@@ -27,9 +27,9 @@ class Solution:
     Attributes:
         problem: what was solved.
         unknowns: u [P].
-        statistics: of the last pass, taken at `unknowns`.
+        statistics: of the last pass, at most `last_step` away from `unknowns`.
         iterations: passes over the samples.
-        last_step: length of the move the next step would make, in standard errors.
+        last_step: length of the last step, in standard errors.
         converged: whether that is small.
     """
 

@@ -1,0 +1,256 @@
+"""The model at a tile and its derivatives, and statistics that add up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from matest.brdf import MODELS
+from matest.capture import Batch, Samples
+from matest.capture.photometry import Noise
+from matest.capture.samples import BLOCKS
+from matest.estimators import Linearisation, Problem, accumulate, linearise
+from matest.estimators.linearise import Statistics, single_threaded_torch
+from matest.shader import shade
+from tests.captures import directional
+from tests.problems import ordinary, problem
+from tests.sampling import catalogue
+from tests.simulated import Studio
+
+# Central differences with a step of 1e-5 of the unknown: third derivatives of narrow lobes, and rounding.
+STEP, DERIVATIVE = 1e-5, 1e-7
+# The order of additions in double precision.
+ROUNDING = 1e-12
+
+SUMS = ["oren-nayar+torrance-sparrow", "oren-nayar+cook-torrance", "lambert+torrance-sparrow+cook-torrance"]
+COMMON_SIGMA = {"torrance-sparrow.sigma": "oren-nayar.sigma"}
+EQUAL_WEIGHTS = {"torrance-sparrow.specular": "lambert.albedo"}
+
+# Two lights, on both sides of the viewer; every model is seen with and without an even sky.
+TWO_LIGHTS = ((directional((0.6, 0.3, 0.7), 3.0, 2.0, 1.0), directional((-0.5, 0.4, 0.5), 0.5, 1.0, 2.0)),)
+
+
+def samples(ambient: float = 0.0, size: int = 20) -> Samples:
+    studio = Studio(size=size, lights=TWO_LIGHTS, ambient=ambient)
+    return studio.photograph(MODELS["lambert"](albedo=0.5), seed=5).samples(dtype=torch.float64)
+
+
+def whole(chosen: Samples) -> Batch:
+    return chosen.at(0, chosen.indices(0))
+
+
+def shaded(chosen: Problem, unknowns: Tensor, batch: Batch) -> Tensor:
+    return shade(chosen.material(unknowns), batch.points).expand_as(batch.radiance)
+
+
+def assert_derivatives(chosen: Problem, unknowns: Tensor, batch: Batch) -> None:
+    """Radiance equals the shader's, and the Jacobian its central differences, of every unknown."""
+    radiance, jacobian = Linearisation(chosen, unknowns).radiance_and_jacobian(batch)
+    peak = float(radiance.max())
+    torch.testing.assert_close(radiance, shaded(chosen, unknowns, batch), rtol=ROUNDING, atol=ROUNDING * peak)
+    for position, label in enumerate(chosen.labels):
+        step = torch.zeros_like(unknowns)
+        step[position] = STEP * float(unknowns[position])
+        difference = shaded(chosen, unknowns + step, batch) - shaded(chosen, unknowns - step, batch)
+        numerical = difference / (2 * step[position])
+        analytic = torch.einsum("cq,qnc->nc", chosen.selectors[:, :, position], jacobian)
+        scale = float(numerical.abs().max())
+        assert scale > 0, label
+        torch.testing.assert_close(analytic, numerical, rtol=DERIVATIVE, atol=DERIVATIVE * scale, msg=label)
+
+
+@pytest.mark.parametrize("ambient", [0.0, 0.3])
+@pytest.mark.parametrize("expression", [*catalogue(), *SUMS])
+def test_radiance_and_jacobian_are_the_shaders(expression: str, ambient: float) -> None:
+    free = [path for path, declared in problem(expression).brdf.declared.items() if declared.held is not None]
+    chosen = problem(expression, channels=3, free=tuple(free))
+    assert_derivatives(chosen, ordinary(chosen, seed=3), whole(samples(ambient)))
+
+
+@pytest.mark.parametrize("ambient", [0.0, 0.3])
+@pytest.mark.parametrize(
+    ("expression", "tie"),
+    [("oren-nayar+torrance-sparrow", COMMON_SIGMA), ("lambert+torrance-sparrow", EQUAL_WEIGHTS)],
+)
+def test_a_tied_unknown_collects_the_derivatives_of_all_its_places(
+    expression: str, tie: dict[str, str], ambient: float
+) -> None:
+    chosen = problem(expression, channels=3, tie=tie)
+    assert_derivatives(chosen, ordinary(chosen, seed=4), whole(samples(ambient)))
+
+
+@pytest.mark.parametrize("expression", ["oren-nayar", "oren-nayar+torrance-sparrow"])
+def test_the_light_scale_has_a_derivative_under_relative_radiometry(expression: str) -> None:
+    chosen = problem(expression, channels=3, relative=True)
+    assert_derivatives(chosen, ordinary(chosen, seed=5), whole(samples(0.2)))
+
+
+def test_fixed_parameters_enter_the_radiance_and_not_the_jacobian() -> None:
+    chosen = problem("cook-torrance", channels=3, fix={"specular": 0.3, "slope": 0.2, "f0": 0.1})
+    assert chosen.free == ("diffuse",)
+    assert_derivatives(chosen, ordinary(chosen, seed=6), whole(samples(0.2)))
+
+
+def test_a_problem_without_unknowns_has_radiance_and_an_empty_jacobian() -> None:
+    chosen = problem("lambert", channels=3, fix={"albedo": 0.3})
+    batch, nothing = whole(samples()), torch.zeros(0, dtype=torch.float64)
+    radiance, jacobian = Linearisation(chosen, nothing).radiance_and_jacobian(batch)
+    assert jacobian.shape == (0, *batch.radiance.shape)
+    torch.testing.assert_close(radiance, shaded(chosen, nothing, batch))
+
+
+def test_steep_facets_under_two_lights_are_shaded_as_the_shader_does() -> None:
+    # Above 38 degrees the direct term turns negative near forward double grazing, where the model is cut at zero.
+    lights = ((directional((0.35, 0.0, -0.93), 3.0), directional((0.9, 0.3, 0.3), 1.0)),)
+    pixels = Studio(size=128, lights=lights).photograph(MODELS["lambert"](albedo=0.5)).samples(dtype=torch.float64)
+    batch = pixels.at(0, np.arange(len(pixels.capture.scene.surface)))
+    chosen = problem("oren-nayar")
+    unknowns = torch.tensor([0.1, 1.3], dtype=torch.float64)
+    lit = (batch.points.wi[:, :, 2] > 0).all(1)
+    cut = chosen.material(unknowns)(batch.points.wi[:, 0], batch.points.wo)[:, 0] == 0
+    assert bool((lit & cut).any())
+    torch.testing.assert_close(
+        Linearisation(chosen, unknowns).radiance(batch), shaded(chosen, unknowns, batch), rtol=1e-9, atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("ambient", [0.0, 0.3])
+def test_a_batch_is_evaluated_as_its_parts_are(ambient: float) -> None:
+    chosen = problem("oren-nayar+cook-torrance", channels=3)
+    batch = whole(samples(ambient))
+    at = Linearisation(chosen, ordinary(chosen, seed=7))
+    radiance, jacobian = at.radiance_and_jacobian(batch)
+    parts = [at.radiance_and_jacobian(batch[start : start + 37]) for start in range(0, len(batch), 37)]
+    torch.testing.assert_close(torch.cat([part[0] for part in parts]), radiance, rtol=ROUNDING, atol=0)
+    torch.testing.assert_close(torch.cat([part[1] for part in parts], 1), jacobian, rtol=ROUNDING, atol=ROUNDING)
+
+
+def tiled(chosen: Samples, size: int) -> list[list[Callable[[], Batch]]]:
+    """The tiles of every image."""
+    return [[partial(chosen.at, *piece) for piece in chosen.pieces(k, size)] for k in range(len(chosen.images))]
+
+
+def assert_same(found: Statistics, expected: Statistics) -> None:
+    assert found.clusters.keys() == expected.clusters.keys()
+    for cluster, sums in expected.clusters.items():
+        other = found.clusters[cluster]
+        torch.testing.assert_close(other.information, sums.information, rtol=1e-10, atol=0)
+        torch.testing.assert_close(
+            other.gradient, sums.gradient, rtol=1e-8, atol=1e-8 * float(sums.gradient.abs().max())
+        )
+        for name in ("chi2", "squared_residual", "squared_signal"):
+            assert getattr(other, name) == pytest.approx(getattr(sums, name), rel=1e-10)
+        assert (other.values, other.samples) == (sums.values, sums.samples)
+
+
+@pytest.mark.parametrize("size", [1, 23, 500])
+def test_statistics_do_not_depend_on_the_tiling(size: int) -> None:
+    chosen = problem("oren-nayar", channels=3)
+    unknowns = ordinary(chosen, seed=8)
+    pixels = samples()
+    expected = accumulate(chosen, unknowns, tiled(pixels, 10**6), unknowns)
+    assert_same(accumulate(chosen, unknowns, tiled(pixels, size), unknowns), expected)
+
+
+def test_statistics_do_not_depend_on_the_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    chosen = problem("oren-nayar+torrance-sparrow", channels=3)
+    unknowns = ordinary(chosen, seed=9)
+    tiles = tiled(samples(), 17)
+    results = []
+    for count in (1, 2, 7):
+        monkeypatch.setattr(linearise, "processors", lambda count=count: count)
+        results.append(accumulate(chosen, unknowns, tiles, None))
+    for other in results[1:]:
+        assert torch.equal(other.information, results[0].information)
+        assert torch.equal(other.gradient, results[0].gradient)
+        assert other.total("chi2") == results[0].total("chi2")
+
+
+def test_parts_of_a_capture_add_up_to_the_whole() -> None:
+    chosen = problem("oren-nayar", channels=3)
+    unknowns = ordinary(chosen, seed=10)
+    (tiles,) = tiled(samples(), 50)
+    expected = accumulate(chosen, unknowns, [tiles], unknowns)
+    halves = [accumulate(chosen, unknowns, [part], unknowns) for part in (tiles[::2], tiles[1::2])]
+    torch.testing.assert_close(halves[0].information + halves[1].information, expected.information, rtol=1e-12, atol=0)
+    assert halves[0].total("chi2") + halves[1].total("chi2") == pytest.approx(expected.total("chi2"), rel=1e-12)
+    assert halves[0].total("samples") + halves[1].total("samples") == len(samples())
+
+
+def test_blocks_of_one_image_can_be_joined() -> None:
+    chosen = problem("lambert", channels=3)
+    unknowns = ordinary(chosen, seed=14)
+    pixels = Studio(size=32, lights=2 * TWO_LIGHTS).photograph(MODELS["lambert"](albedo=0.5), seed=6).samples()
+    blocks = accumulate(chosen, unknowns, tiled(pixels, 10**6), None)
+    images = blocks.grouped(BLOCKS)
+    assert len(blocks.clusters) > 20
+    assert list(images.clusters) == [0, 1]
+    torch.testing.assert_close(images.information, blocks.information)
+    for image in range(2):
+        alone = accumulate(chosen, unknowns, [[partial(pixels.at, image, pixels.indices(image))]], None)
+        assert images.clusters[image].samples == len(pixels.indices(image))
+        assert images.clusters[image].chi2 == pytest.approx(alone.total("chi2"), rel=1e-5)
+
+
+def test_statistics_are_those_of_the_dense_matrices() -> None:
+    chosen = problem("oren-nayar+torrance-sparrow", channels=3, tie=COMMON_SIGMA)
+    unknowns, reference = ordinary(chosen, seed=11), ordinary(chosen, seed=12)
+    batch = whole(samples(0.2))
+    radiance, parts = Linearisation(chosen, unknowns).radiance_and_jacobian(batch)
+    jacobian = torch.einsum("cqp,qnc->ncp", chosen.selectors, parts).reshape(-1, chosen.size)
+    expected = Linearisation(chosen, reference).radiance(batch)
+    noise = Noise(0.002, 0.0005)
+    weight = 1 / (noise.read**2 + noise.gain * expected).reshape(-1)
+    residual = (batch.radiance - radiance).reshape(-1)
+
+    found = accumulate(chosen, unknowns, [[lambda: batch]], reference)
+    torch.testing.assert_close(found.information, jacobian.T @ (weight[:, None] * jacobian), rtol=1e-11, atol=0)
+    gradient = jacobian.T @ (weight * residual)
+    torch.testing.assert_close(found.gradient, gradient, rtol=1e-9, atol=1e-9 * float(gradient.abs().max()))
+    assert found.total("chi2") == pytest.approx(float((weight * residual**2).sum()))
+    assert found.total("squared_residual") == pytest.approx(float((residual**2).sum()))
+    assert found.total("squared_signal") == pytest.approx(float((batch.radiance**2).sum()))
+    assert found.total("values") == 3 * len(batch)
+    assert found.total("samples") == len(batch)
+    assert found.misfit == pytest.approx(max(found.total("chi2") / (3 * len(batch)), 1.0))
+
+
+def test_weights_without_a_reference_follow_from_the_measured_radiance() -> None:
+    chosen = problem("lambert", channels=3)
+    unknowns = ordinary(chosen, seed=13)
+    batch = whole(samples())
+    residual = batch.radiance - shaded(chosen, unknowns, batch)
+    variance = 0.002**2 + 0.0005 * batch.radiance.clamp(min=0)
+    found = accumulate(chosen, unknowns, [[lambda: batch]], None)
+    assert found.total("chi2") == pytest.approx(float((residual**2 / variance).sum()))
+
+
+def test_misfit_is_never_below_one() -> None:
+    chosen = problem("lambert", channels=3, fix={"albedo": 0.5})
+    nothing = torch.zeros(0, dtype=torch.float64)
+    clean = Studio(size=20, lights=TWO_LIGHTS).photograph(MODELS["lambert"](albedo=0.5))
+    found = accumulate(chosen, nothing, tiled(clean.samples(dtype=torch.float64), 100), nothing)
+    assert found.total("chi2") < 1e-3
+    assert found.misfit == 1.0
+
+
+def test_torch_gets_its_threads_back_even_after_an_error() -> None:
+    before = torch.get_num_threads()
+
+    def fail() -> None:
+        with single_threaded_torch():
+            assert torch.get_num_threads() == 1
+            raise RuntimeError
+
+    torch.set_num_threads(2)
+    try:
+        with pytest.raises(RuntimeError):
+            fail()
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(before)

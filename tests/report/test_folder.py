@@ -1,0 +1,197 @@
+"""Result folders: whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import stat
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from matest.brdf import OrenNayar
+from matest.capture import Capture
+from matest.capture.images import read_image
+from matest.report import folder as folders
+from matest.report.folder import check_destination, whole_folder, write_prediction, write_result
+from matest.shader import render
+from tests.captures import refusal
+from tests.estimates import clay
+from tests.simulated import Studio, coloured
+
+
+def tree(path: Path) -> dict[str, bytes]:
+    """Every file below a folder, hidden ones too."""
+    return {str(file.relative_to(path)): file.read_bytes() for file in sorted(path.rglob("*")) if file.is_file()}
+
+
+@pytest.fixture
+def capture() -> Capture:
+    return Studio(size=16, lights=coloured()[:2]).photograph(OrenNayar([0.7, 0.6, 0.5], 0.5236), seed=1)
+
+
+def fail_inside(out: Path, error: type[BaseException] = RuntimeError) -> None:
+    with whole_folder(out) as temporary:
+        (temporary / "half.txt").write_text("half")
+        raise error
+
+
+def test_a_folder_appears_when_its_block_ends(tmp_path: Path) -> None:
+    out = tmp_path / "deep" / "er" / "matest"
+    with whole_folder(out) as temporary:
+        (temporary / "result.json").write_text("{}")
+        assert not out.exists()
+        assert temporary.parent == out.parent
+    assert tree(tmp_path / "deep") == {"er/matest/result.json": b"{}"}
+
+
+def test_a_new_folder_takes_the_place_of_the_old_one_whole(tmp_path: Path) -> None:
+    out = tmp_path / "matest"
+    out.mkdir()
+    (out / "result.json").write_text("old")
+    (out / "stale.png").write_text("old")
+    with whole_folder(out) as temporary:
+        (temporary / "result.json").write_text("new")
+    assert tree(tmp_path) == {"matest/result.json": b"new"}
+
+
+@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt, SystemExit])
+def test_an_error_leaves_the_old_result_and_no_temporary_folder(tmp_path: Path, error: type[BaseException]) -> None:
+    out = tmp_path / "matest"
+    out.mkdir()
+    (out / "result.json").write_text("old")
+    with pytest.raises(error):
+        fail_inside(out, error)
+    assert tree(tmp_path) == {"matest/result.json": b"old"}
+    assert [path.name for path in tmp_path.iterdir()] == ["matest"]
+
+
+def test_an_error_without_an_old_result_leaves_nothing(tmp_path: Path) -> None:
+    with pytest.raises(RuntimeError):
+        fail_inside(tmp_path / "matest")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_error_while_taking_the_place_brings_the_old_result_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "matest"
+    out.mkdir()
+    (out / "result.json").write_text("old")
+    replace = folders.os.replace
+
+    def broken(source: Path, target: Path) -> None:
+        if Path(target) == out and Path(source).name.endswith("new"):
+            raise OSError("disk full")
+        replace(source, target)
+
+    def write() -> None:
+        with whole_folder(out) as temporary:
+            monkeypatch.setattr(
+                folders.os, "replace", lambda s, t: broken(s, t) if s != temporary else broken("new", t)
+            )
+            (temporary / "result.json").write_text("new")
+
+    with pytest.raises(OSError, match="disk full"):
+        write()
+    assert (out / "result.json").read_text() == "old"
+    assert [path.name for path in tmp_path.iterdir()] == ["matest"]
+
+
+def test_others_may_read_the_folder(tmp_path: Path) -> None:
+    with whole_folder(tmp_path / "matest"):
+        pass
+    assert stat.S_IMODE((tmp_path / "matest").stat().st_mode) == 0o755
+
+
+def test_new_places_empty_folders_and_earlier_results_are_good_destinations(tmp_path: Path) -> None:
+    check_destination(tmp_path / "new", "result.json")
+    (tmp_path / "empty").mkdir()
+    check_destination(tmp_path / "empty", "result.json")
+    (tmp_path / "old").mkdir()
+    (tmp_path / "old" / "result.json").write_text('{"schema": "matest.estimate/1"}')
+    check_destination(tmp_path / "old", "result.json")
+
+
+def test_an_earlier_result_that_someone_added_to_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "result.json").write_text('{"schema": "matest.estimate/1"}')
+    (tmp_path / "notes.txt").write_text("precious")
+    assert "notes.txt" in refusal(lambda: check_destination(tmp_path, "result.json"))
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[]", '{"schema": 3}', '{"schema": "other/1"}', '"matest."'])
+def test_a_result_of_another_program_is_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "result.json").write_text(text)
+    assert str(tmp_path) in refusal(lambda: check_destination(tmp_path, "result.json"))
+
+
+def test_foreign_folders_and_files_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "photo.jpg").write_text("precious")
+    message = refusal(lambda: check_destination(tmp_path, "result.json"))
+    assert str(tmp_path) in message
+    assert "-o" in message
+    assert "photo.jpg" in refusal(lambda: check_destination(tmp_path / "photo.jpg", "result.json"))
+
+
+def test_a_result_of_another_kind_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "result.json").write_text('{"schema": "matest.estimate/1"}')
+    refusal(lambda: check_destination(tmp_path, "prediction.json"))
+
+
+def test_a_result_has_every_file_of_the_contract(tmp_path: Path, capture: Capture) -> None:
+    said: list[str] = []
+    write_result(clay(), capture, tmp_path / "matest", said.append)
+    pictures = {f"images/{k:02d}_{kind}.png" for k in range(2) for kind in ("photo", "render", "residual")}
+    expected = {"result.json", "material.json", "report.html", "profile.csv"}
+    assert set(tree(tmp_path / "matest")) == expected | pictures
+    assert said == ["writing the report"]
+
+
+def test_result_json_and_material_json_are_those_of_the_estimate(tmp_path: Path, capture: Capture) -> None:
+    written = write_result(clay(), capture, tmp_path / "matest")
+    content = json.loads((tmp_path / "matest" / "result.json").read_text("utf-8"))
+    assert content == json.loads(json.dumps(written.to_dict()))
+    assert json.loads((tmp_path / "matest" / "material.json").read_text("utf-8")) == clay().material_dict()
+
+
+def test_timing_is_completed(tmp_path: Path, capture: Capture) -> None:
+    timing = write_result(clay(), capture, tmp_path / "matest").timing_s
+    assert list(timing) == ["read", "geometry", "fit", "report", "total"]
+    assert timing["report"] > 0
+    assert timing["total"] == pytest.approx(sum(timing.values()) - timing["total"])
+
+
+def test_a_result_replaces_an_earlier_one(tmp_path: Path, capture: Capture) -> None:
+    write_result(clay(), capture, tmp_path / "matest")
+    write_result(clay(capture="second"), capture, tmp_path / "matest")
+    assert json.loads((tmp_path / "matest" / "result.json").read_text("utf-8"))["capture"] == "second"
+    assert [path.name for path in tmp_path.iterdir()] == ["matest"]
+
+
+def test_a_foreign_folder_is_refused_before_anything_is_computed(tmp_path: Path, capture: Capture) -> None:
+    (tmp_path / "thesis.tex").write_text("precious")
+    said: list[str] = []
+    refusal(lambda: write_result(clay(), capture, tmp_path, said.append))
+    assert said == []
+    assert tree(tmp_path) == {"thesis.tex": b"precious"}
+
+
+def test_a_prediction_has_linear_radiance_and_its_errors(tmp_path: Path, capture: Capture) -> None:
+    material = clay().material
+    write_prediction(material, [0.01, 0.02], capture, tmp_path / "out")
+    images = render(capture.scene, material).numpy()
+    for number in range(2):
+        np.testing.assert_allclose(read_image(tmp_path / "out" / f"{number:02d}.exr"), images[number], rtol=1e-6)
+    content = json.loads((tmp_path / "out" / "prediction.json").read_text("utf-8"))
+    assert content["schema"] == "matest.prediction/1"
+    assert content["images"] == [
+        {"image": "00.exr", "prediction": "00.exr", "relative_rmse": 0.01},
+        {"image": "01.exr", "prediction": "01.exr", "relative_rmse": 0.02},
+    ]
+
+
+def test_a_prediction_does_not_replace_an_estimate(tmp_path: Path, capture: Capture) -> None:
+    write_result(clay(), capture, tmp_path / "matest")
+    before = tree(tmp_path)
+    refusal(lambda: write_prediction(clay().material, [0.0, 0.0], capture, tmp_path / "matest"))
+    assert tree(tmp_path) == before

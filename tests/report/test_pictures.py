@@ -1,0 +1,121 @@
+"""Pictures of an estimate."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from matest.brdf import Lambert
+from matest.capture import Capture
+from matest.capture.images import read_image
+from matest.report.pictures import RESIDUAL_RANGE, write_columns, write_pictures
+from matest.shader import render
+from tests.captures import directional
+from tests.simulated import DIRECTIONS, Studio, coloured
+
+GREY = 224  # of residual pictures where a pixel did not count
+TRUTH = Lambert([0.6, 0.5, 0.4])
+
+
+def capture(brightness: float = 1.0, lights: object = None) -> Capture:
+    return Studio(size=24, lights=lights or coloured()[:2]).photograph(TRUTH, brightness=brightness)
+
+
+def picture(folder: Path, name: str) -> np.ndarray:
+    return read_image(folder / "images" / name).astype(int)
+
+
+def middle(image: np.ndarray) -> list[int]:
+    return image[12, 12].tolist()
+
+
+def test_every_image_has_three_pictures(tmp_path: Path) -> None:
+    write_pictures(capture(), TRUTH, tmp_path)
+    names = {path.name for path in (tmp_path / "images").iterdir()}
+    assert names == {f"{k:02d}_{kind}.png" for k in range(2) for kind in ("photo", "render", "residual")}
+    assert picture(tmp_path, "00_photo.png").shape == (24, 24, 3)
+
+
+def test_the_right_material_looks_like_the_photograph(tmp_path: Path) -> None:
+    write_pictures(capture(), TRUTH, tmp_path)
+    for number in ("00", "01"):
+        photo, model = (picture(tmp_path, f"{number}_{kind}.png") for kind in ("photo", "render"))
+        assert np.abs(photo - model).max() <= 1
+        assert 200 < photo.max() <= 255
+
+
+def test_agreement_is_white_and_grey_is_what_did_not_count(tmp_path: Path) -> None:
+    photographs = capture()
+    write_pictures(photographs, TRUTH, tmp_path)
+    residual = picture(tmp_path, "00_residual.png").reshape(-1, 3)
+    used = photographs.scene.surface.pixels[photographs.samples().indices(0)]
+    assert residual[used].min() >= 254
+    assert (np.delete(residual, used, axis=0) == GREY).all()
+
+
+def test_brighter_photographs_are_red_and_darker_ones_blue(tmp_path: Path) -> None:
+    write_pictures(capture(1.05), TRUTH, tmp_path / "bright")
+    write_pictures(capture(0.95), TRUTH, tmp_path / "dark")
+    red, _, blue = middle(picture(tmp_path / "bright", "00_residual.png"))
+    assert red > blue + 30
+    red, _, blue = middle(picture(tmp_path / "dark", "00_residual.png"))
+    assert blue > red + 30
+
+
+def test_full_colour_is_the_stated_share_of_the_brightness(tmp_path: Path) -> None:
+    photographs = capture()
+    photo = photographs.radiance(0)
+    residual_at = {}
+    for share in (1.0, 3.0, 0.5):
+        shift = share * RESIDUAL_RANGE * float(np.sqrt(np.mean(photo**2)))
+        centre = photographs.scene.surface.image(photo)[12, 12].mean()
+        albedo = [rho * (1 - shift / centre) for rho in (0.6, 0.5, 0.4)]
+        write_pictures(photographs, Lambert(albedo), tmp_path / str(share))
+        residual_at[share] = middle(picture(tmp_path / str(share), "00_residual.png"))
+    assert residual_at[1.0] == pytest.approx([178, 24, 43], abs=2)
+    assert residual_at[3.0] == [178, 24, 43]
+    assert residual_at[0.5] == pytest.approx([(255 + c) / 2 for c in (178, 24, 43)], abs=2)
+
+
+def test_photograph_and_model_share_one_exposure(tmp_path: Path) -> None:
+    write_pictures(capture(), Lambert([0.3, 0.25, 0.2]), tmp_path)
+    assert picture(tmp_path, "00_render.png").max() < 0.8 * picture(tmp_path, "00_photo.png").max()
+
+
+def test_the_profile_has_a_column_per_photograph_and_model(tmp_path: Path) -> None:
+    photographs = capture()
+    write_pictures(photographs, TRUTH, tmp_path)
+    with (tmp_path / "profile.csv").open(newline="", encoding="utf-8") as file:
+        lines = list(csv.DictReader(file))
+    assert list(lines[0]) == ["x", "photo_00", "render_00", "photo_01", "render_01"]
+    assert [float(line["x"]) for line in lines] == list(range(24))
+    expected = render(photographs.scene, TRUTH).numpy()[1, 12].mean(axis=1)
+    np.testing.assert_allclose([float(line["render_01"]) for line in lines], expected, atol=1e-5)
+    np.testing.assert_allclose([float(line["photo_01"]) for line in lines], expected, atol=1e-5)
+
+
+def test_grey_captures_have_pictures(tmp_path: Path) -> None:
+    photographs = Studio(size=24, lights=((directional(DIRECTIONS[0], 3.0),),)).photograph(Lambert(0.5))
+    write_pictures(photographs, Lambert(0.5), tmp_path)
+    assert picture(tmp_path, "00_photo.png").shape[:2] == (24, 24)
+    assert picture(tmp_path, "00_residual.png").shape == (24, 24, 3)
+
+
+def test_an_entirely_dark_image_has_pictures(tmp_path: Path) -> None:
+    lights = (coloured()[0], (directional((0.0, 0.0, -1.0), 3.0, 3.0, 3.0),))
+    write_pictures(capture(lights=lights), TRUTH, tmp_path)
+    assert picture(tmp_path, "01_photo.png").max() == 0
+    assert (picture(tmp_path, "01_residual.png") == GREY).all()
+
+
+def test_columns_are_written_side_by_side(tmp_path: Path) -> None:
+    write_columns(tmp_path / "a.csv", {"x": np.arange(2), "y": np.array([0.123456789, 1e-9])})
+    assert (tmp_path / "a.csv").read_text("utf-8").split() == ["x,y", "0,0.123457", "1,1e-09"]
+
+
+def test_columns_of_different_lengths_are_an_error(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="zip"):
+        write_columns(tmp_path / "a.csv", {"x": np.arange(2), "y": np.arange(3)})
