@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Protocol
 
 import typer
 
@@ -154,7 +154,7 @@ def render(
     from matest.simulate import simulate
 
     with _progress(str(scene)) as say:
-        folder = simulate(scene, out, lambda done, total: say(f"image {done} of {total}"))
+        folder = simulate(scene, out, lambda done, total: say("rendering images", done, total))
     if as_json:
         _print_json({"out": str(folder)})
     else:
@@ -237,14 +237,14 @@ def _root(
         raise typer.Exit
 
 
-def _load(path: Path, transfer: str | None, root: Path | None, say: Callable[[str], None]) -> Capture:
+def _load(path: Path, transfer: str | None, root: Path | None, say: _Say) -> Capture:
     def progress(done: int, total: int) -> None:
-        say(f"reading image {done} of {total}")
+        say("reading images", done, total)
 
     return matest.load_capture(path, transfer=arguments.transfer(transfer), root=root, progress=progress)
 
 
-def _write(found: Estimate, capture: Capture, place: Path, say: Callable[[str], None]) -> Estimate:
+def _write(found: Estimate, capture: Capture, place: Path, say: _Say) -> Estimate:
     from matest.report.folder import write_result
 
     provenance = {
@@ -295,19 +295,29 @@ def _name(capture: Path) -> str:
     return os.path.basename(os.path.abspath(_folder(capture)))
 
 
+class _Say(Protocol):
+    """Tells what is being done, and how much of it."""
+
+    def __call__(self, word: str, done: int | None = None, total: int | None = None) -> None: ...
+
+
 @contextmanager
-def _progress(title: str) -> Iterator[Callable[[str], None]]:
-    """A spinner with a word on what is being done; silent in a pipe."""
+def _progress(title: str) -> Iterator[_Say]:
+    """A progress bar with a word on what is being done; nothing in a pipe."""
     if not sys.stderr.isatty():
-        yield lambda _: None
+        yield lambda *_: None
         return
     from rich.console import Console
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    columns = (SpinnerColumn(), BarColumn(bar_width=20), TextColumn("{task.description}"), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(title)
-        yield lambda word: progress.update(task, description=f"{title}: {word}")
+        task = progress.add_task(title, total=None)
+
+        def say(word: str, done: int | None = None, total: int | None = None) -> None:
+            progress.update(task, description=f"{title}: {word}", completed=done or 0, total=total)
+
+        yield say
 
 
 def _console():  # type: ignore[no-untyped-def]

@@ -61,5 +61,5 @@ def _cells(value: float | None, std: float | None, interval: list[float] | None,
 def _span(ends: list[float], suffix: str) -> str:
     """An interval with as many digits as its width allows."""
     width = ends[1] - ends[0]
-    digits = min(max(2 - math.floor(math.log10(width)), 0), 9) if width > 0 and math.isfinite(width) else 6
+    digits = min(max(1 - math.floor(math.log10(width)), 0), 9) if width > 0 and math.isfinite(width) else 6
     return " to ".join(f"{end:.{digits}f}{suffix}" for end in ends)

@@ -47,21 +47,21 @@ def test_very_small_errors_do_not_make_endless_digits() -> None:
 
 def test_one_value_makes_one_row() -> None:
     (row,) = rows("f0", ParameterEstimate(0.05, 0.001, [0.048, 0.052], "1", "determined"), RGB)
-    assert row == ("f0", "0.0500 ± 0.0010", "0.04800 to 0.05200", "determined")
+    assert row == ("f0", "0.0500 ± 0.0010", "0.0480 to 0.0520", "determined")
 
 
 def test_every_channel_has_its_row() -> None:
     found = rows("albedo", ALBEDO, RGB)
     assert [row[0] for row in found] == ["albedo R", "albedo G", "albedo B"]
     assert found[0][1] == "0.7000 ± 0.0012"
-    assert found[2][2] == "0.49800 to 0.50200"
+    assert found[2][2] == "0.4980 to 0.5020"
 
 
 def test_angles_have_degrees_beside_radians() -> None:
     ((name, value, interval, status),) = rows("sigma", SIGMA, RGB)
     assert (name, status) == ("sigma", "determined")
     assert value == "0.5236 ± 0.0021 rad\n30.00 ± 0.12 degrees"
-    assert interval == "29.765° to 30.235°"
+    assert interval == "29.77° to 30.23°"
 
 
 def test_a_fixed_angle_has_degrees_too() -> None:
@@ -80,9 +80,9 @@ def test_what_is_not_determined_has_dashes() -> None:
 def test_channels_that_are_not_determined_have_dashes() -> None:
     some = ParameterEstimate([0.5, None, 1.0], [0.1, None, None], [[0.3, 0.7], None, [0.9, 1.0]], "1", "at bound")
     assert [row[1:3] for row in rows("albedo", some, RGB)] == [
-        ("0.50 ± 0.10", "0.300 to 0.700"),
+        ("0.50 ± 0.10", "0.30 to 0.70"),
         ("-", "-"),
-        ("1", "0.900 to 1.000"),
+        ("1", "0.90 to 1.00"),
     ]
 
 
@@ -105,7 +105,7 @@ def test_a_fixed_value_has_no_unit_of_one() -> None:
     [
         ([0.5, 0.5], "0.500000 to 0.500000"),
         ([0.0, math.inf], "0.000000 to inf"),
-        ([0.699, 0.701], "0.69900 to 0.70100"),
+        ([0.699, 0.701], "0.6990 to 0.7010"),
         ([100.0, 350.0], "100 to 350"),
     ],
 )
