@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -43,6 +43,7 @@ class Batch:
         readout: noise of the pixels.
         seen: False where a channel of a pixel is too dark for the sensor [n, C]; None where all are seen.
         cluster: label of the block of pixels of one image, image · BLOCKS + block (None when mixed).
+        runs: where several blocks follow each other in one batch, the label and length of each.
     """
 
     points: Points
@@ -50,6 +51,7 @@ class Batch:
     readout: Readout
     seen: Tensor | None = None
     cluster: int | None = None
+    runs: tuple[tuple[int, int], ...] = ()
 
     def __len__(self) -> int:
         return len(self.radiance)
@@ -216,6 +218,23 @@ class Samples:
             for cluster, index in self._clusters(position)
             for start in range(0, len(index), size)
         ]
+
+    def bundles(self, position: int, size: int = TILE) -> list[list[tuple[int, np.ndarray, int]]]:
+        """The pieces of an image in groups of about `size` samples: small blocks are not worth a tile each."""
+        groups: list[list[tuple[int, np.ndarray, int]]] = [[]]
+        filled = 0
+        for piece in self.pieces(position, size):
+            if groups[-1] and filled + len(piece[1]) > size:
+                groups.append([])
+                filled = 0
+            groups[-1].append(piece)
+            filled += len(piece[1])
+        return [group for group in groups if group]
+
+    def bundled(self, pieces: list[tuple[int, np.ndarray, int]]) -> Batch:
+        """One batch of several pieces of one image."""
+        batch = self.at(pieces[0][0], np.concatenate([index for _, index, _ in pieces]))
+        return replace(batch, runs=tuple((cluster, len(index)) for _, index, cluster in pieces))
 
     def _clusters(self, position: int) -> list[tuple[int, np.ndarray]]:
         """Blocks of an image: their labels, position · BLOCKS + block, and usable pixels."""

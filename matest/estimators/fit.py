@@ -99,7 +99,7 @@ class AllTiles:
 
     def __iter__(self) -> Iterator[list[Callable[[], Batch]]]:
         for position in range(len(self.samples.images)):
-            yield [partial(self.samples.at, *piece) for piece in self.samples.pieces(position)]
+            yield [partial(self.samples.bundled, pieces) for pieces in self.samples.bundles(position)]
 
 
 def _itself(batch: Batch) -> Batch:

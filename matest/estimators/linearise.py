@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -243,7 +244,7 @@ def accumulate(
     Args:
         problem: what is estimated.
         unknowns: u [P], float64.
-        tiles: groups of functions that give a tile each, of one cluster; a group is worked on at once.
+        tiles: groups of functions that give a tile each; a group is worked on at once.
         reference: weights follow from the noise at the model's radiance for these unknowns; None: at the measured
             radiance (only a first guess: it favours pixels that noise made dark).
     """
@@ -252,18 +253,24 @@ def accumulate(
     weighing = None if reference is None or same else Linearisation(problem, reference, derivatives=False)
     selectors = problem.selectors
 
-    def work(tile: Callable[[], Batch]) -> tuple[int, Sums]:
+    def work(tile: Callable[[], Batch]) -> list[tuple[int, Sums]]:
         with torch.no_grad():
             batch = tile()
             radiance, jacobian = linearisation.radiance_and_jacobian(batch)
-            expected = weighing.radiance(batch) if weighing else radiance if same else batch.radiance
-            sums = Sums.of(batch.radiance, batch.weight(expected), batch.radiance - radiance, jacobian, selectors)
-            return batch.cluster or 0, sums
+            weight = batch.weight(weighing.radiance(batch) if weighing else radiance if same else batch.radiance)
+            residual = batch.radiance - radiance
+            out, start = [], 0
+            for cluster, length in batch.runs or ((batch.cluster or 0, len(batch)),):
+                part = slice(start, start + length)
+                sums = Sums.of(batch.radiance[part], weight[part], residual[part], jacobian[:, part], selectors)
+                out.append((cluster, sums))
+                start += length
+            return out
 
     statistics = Statistics()
     with single_threaded_torch(), ThreadPoolExecutor(processors()) as pool:
         for group in tiles:
-            for cluster, sums in pool.map(work, group):
+            for cluster, sums in itertools.chain.from_iterable(pool.map(work, group)):
                 known = statistics.clusters.get(cluster)
                 statistics.clusters[cluster] = sums if known is None else known + sums
     return statistics
