@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 app = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
-    rich_markup_mode="rich",
+    rich_markup_mode=None,  # boxes around the help would take longer than the help
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
     help="What a surface is made of, with error bars, from photographs of an object whose shape and lights are known.",
@@ -117,9 +117,9 @@ def predict(
     transfer: Transfer = None,
     as_json: Json = False,
 ) -> None:
-    """Shade an estimated material under a capture's lights and compare with its photographs.
+    """Shade an estimated material under a capture's lights.
 
-    Writes linear radiance (NN.exr), pictures and prediction.json to OUT (default: RESULT-predict-<capture name>).
+    The error against each photograph is printed. Writes linear radiance (NN.exr), pictures and prediction.json to OUT (default: RESULT-predict-<capture name>).
     """
     from matest.estimation import image_errors
     from matest.report.folder import check_destination, write_prediction
@@ -150,7 +150,10 @@ def render(
     out: Out = None,
     as_json: Json = False,
 ) -> None:
-    """Render a scene to a capture: images, mask, normals and capture.toml, in OUT (default: the scene's folder)."""
+    """Render a scene to a capture.
+
+    Writes images, mask, normals and capture.toml to OUT (default: the scene's folder).
+    """
     from matest.simulate import simulate
 
     with _progress(str(scene)) as say:
@@ -172,7 +175,10 @@ def compare(
     ),
     as_json: Json = False,
 ) -> None:
-    """Compare the brightness of images along a cross-section: plot, CSV, rms and maximum error."""
+    """Compare images along a cross-section.
+
+    Prints rms and maximum difference in brightness from the first image; writes a plot and a CSV file.
+    """
     from matest import profiles
     from matest.capture.images import read_image
     from matest.report.pictures import write_columns
@@ -209,7 +215,10 @@ def compare(
 
 @app.command(epilog="Example: matest models")
 def models(as_json: Json = False) -> None:
-    """List the reflectance models with their parameters, units, options and sources."""
+    """List the reflectance models.
+
+    With their parameters, units, options and sources.
+    """
     from matest.brdf import MODELS
     from matest.parameters import options_of, parameters_of
 
