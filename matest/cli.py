@@ -119,7 +119,8 @@ def predict(
 ) -> None:
     """Shade an estimated material under a capture's lights.
 
-    The error against each photograph is printed. Writes linear radiance (NN.exr), pictures and prediction.json to OUT (default: RESULT-predict-<capture name>).
+    Prints the error against each photograph; writes linear radiance (NN.exr), pictures and prediction.json to OUT
+    (default: RESULT-predict-<capture name>).
     """
     from matest.estimation import image_errors
     from matest.report.folder import check_destination, write_prediction
