@@ -65,15 +65,15 @@ class ErrorBars:
 def error_bars(solution: Solution, capture: Capture) -> ErrorBars:
     """Error bars of a solution: Fisher's where the model holds, jackknifed ones where it does not."""
     problem, statistics = solution.problem, solution.statistics
-    values = max(statistics.total("values"), 1)
-    chi2 = statistics.total("chi2") / values
+    chi2, scale = statistics.reduced_chi2, statistics.misfit
     bound = at_bound(problem, solution.unknowns, statistics.gradient)
     everything = torch.ones_like(bound)
-    scale = max(chi2, 1.0)
     closed, opened = (fisher(statistics.information / scale, free) for free in (~bound, everything))
     blocks = [sums.gradient / scale for sums in statistics.clusters.values()]
     correlation = correlation_of_residuals(blocks, closed)
-    allowed = (_HOLDS_STATED if capture.noise_given else _HOLDS_ESTIMATED) + 5 * math.sqrt(2 / values)
+    allowed = (_HOLDS_STATED if capture.noise_given else _HOLDS_ESTIMATED) + 5 * math.sqrt(
+        2 / max(statistics.total("values"), 1)
+    )
     holds = chi2 <= allowed and correlation <= _CORRELATED
     by_image = statistics.grouped(BLOCKS)
     clusters = by_image if len(by_image.clusters) >= _MIN_CLUSTERS else statistics
@@ -99,7 +99,7 @@ def error_bars(solution: Solution, capture: Capture) -> ErrorBars:
     )
 
 
-def flat_at_bound(solution: Solution, bars: ErrorBars, samples: Samples) -> dict[int, float]:
+def flat_at_bound(solution: Solution, samples: Samples) -> dict[int, float]:
     """95 % reach inside the domain of unknowns near a lower bound where the model does not change to first order.
 
     Oren-Nayar depends on σ²: at σ = 0 the information on σ is zero although σ² is well known. Information on s = σ² is
@@ -115,17 +115,20 @@ def flat_at_bound(solution: Solution, bars: ErrorBars, samples: Samples) -> dict
         moved = solution.unknowns.clone()
         moved[place] = domain.lower + epsilon
         statistics = accumulate(problem, moved, AllTiles(samples), solution.unknowns)
-        covariance = fisher(statistics.information / max(bars.chi2, 1.0), torch.ones(problem.size, dtype=torch.bool))
+        covariance = fisher(
+            statistics.information / solution.statistics.misfit, torch.ones(problem.size, dtype=torch.bool)
+        )
         for position in range(place.start, place.stop):
-            std, value = float(covariance.std[position]), float(solution.unknowns[position]) - domain.lower
-            limit = math.sqrt(value**2 + quantile95(math.inf) * 2 * epsilon * std)
+            square = (float(solution.unknowns[position]) - domain.lower) ** 2
+            spread = quantile95(math.inf) * 2 * epsilon * float(covariance.std[position])
             # Zero lies inside the interval: the parameter sits at its bound for all that these images tell.
-            if not bool(covariance.undetermined[position]) and value**2 < quantile95(math.inf) * 2 * epsilon * std:
-                reach[position] = limit
+            if square < spread and not bool(covariance.undetermined[position]):
+                reach[position] = math.sqrt(square + spread)
     return reach
 
 
 def parameter_estimates(solution: Solution, bars: ErrorBars) -> dict[str, ParameterEstimate]:
+    """Every parameter of the model: estimated, tied or fixed."""
     problem = solution.problem
     values = problem.values(solution.unknowns)
     out = {}
@@ -189,14 +192,13 @@ def parameter_estimate(solution: Solution, bars: ErrorBars, name: str) -> Parame
 
 
 def _faint(solution: Solution, bars: ErrorBars, name: str) -> bool:
-    """Whether a shape parameter belongs to a lobe that is not there: no amplitude of it is two errors above zero."""
+    """Whether a shape parameter belongs to a lobe that is not there: none of its amplitudes is seen."""
     problem = solution.problem
     if name not in problem.shapes:
         return False
-    carriers = {problem.ties.get(carrier, carrier) for carrier in problem.brdf.carriers(name)}
-    if not carriers - {*problem.gauges} <= {*problem.free}:
+    carriers = {problem.ties.get(carrier, carrier) for carrier in problem.brdf.carriers(name)} - {*problem.gauges}
+    if not carriers <= {*problem.free}:
         return False
-    carriers -= {*problem.gauges}
     places = [position for carrier in carriers for position in range(*problem.where[carrier].indices(problem.size))]
     std = bars.open.std
     return bool(places) and all(float(solution.unknowns[k]) < _VISIBLE * float(std[k]) for k in places)

@@ -77,13 +77,13 @@ def estimate(
         # What looked determined by its Fisher error may not be by an honest one.
         if all(parameter_estimate(again, judged, name).status != "not determined" for name in problem.free):
             specification, solution, bars = wider, again, judged
-    bars = replace(bars, quadratic=flat_at_bound(solution, bars, samples))
+    bars = replace(bars, quadratic=flat_at_bound(solution, samples))
     material = solution.problem.material(solution.unknowns)
     statistics = solution.statistics
     parameters = parameter_estimates(solution, bars)
     outcome = Fit(
         rmse=math.sqrt(statistics.total("squared_residual") / max(statistics.total("values"), 1)),
-        relative_rmse=_relative(statistics.total("squared_residual"), statistics.total("squared_signal")),
+        relative_rmse=statistics.relative_rmse,
         reduced_chi2=bars.chi2,
         samples=len(samples),
         samples_used=int(statistics.total("samples")),
@@ -146,9 +146,7 @@ def relative_error(capture: Capture, material: Brdf, images: Iterable[int]) -> f
     problem = Problem(material, capture.channels, (), material.parameters, {})
     nothing = torch.zeros(0, dtype=torch.float64)
     statistics = accumulate(problem, nothing, AllTiles(capture.samples(images)), nothing)
-    if not statistics.clusters:
-        return None
-    return _relative(statistics.total("squared_residual"), statistics.total("squared_signal"))
+    return statistics.relative_rmse if statistics.clusters else None
 
 
 def _worth_freeing(specification: Specification, solution: Solution, samples: Samples) -> list[str]:
@@ -195,10 +193,6 @@ def _no_samples(capture: Capture, samples: Samples) -> str:
     )
 
 
-def _relative(squared_residual: float, squared_signal: float) -> float:
-    return math.sqrt(squared_residual / squared_signal) if squared_signal > 0 else 0.0
-
-
 def _message(solution: Solution, bars: ErrorBars) -> str:
     if not solution.converged:
         return (
@@ -236,8 +230,7 @@ def _warnings(
 ) -> list[str]:
     out = []
     capture = samples.capture
-    statistics = solution.statistics
-    relative_rmse = _relative(statistics.total("squared_residual"), statistics.total("squared_signal"))
+    relative_rmse = solution.statistics.relative_rmse
     if capture.relative:
         out.append(
             "The common scale of the lights is unknown (relative radiometry): albedo is reported up to that scale."

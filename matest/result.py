@@ -111,6 +111,11 @@ class Estimate:
     provenance: dict[str, Any] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
 
+    @property
+    def channels(self) -> int:
+        """Number of values of the parameters that have one per channel; 1 if none has."""
+        return max((len(p.value) for p in self.parameters.values() if isinstance(p.value, list)), default=1)
+
     def to_dict(self) -> dict[str, Any]:
         """The content of `result.json`."""
         out: dict[str, Any] = {

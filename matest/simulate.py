@@ -20,7 +20,7 @@ import torch
 
 from matest.brdf import Brdf, model
 from matest.capture import schema
-from matest.capture.assembly import Folder, build_encoding, build_lights, build_surface, colour
+from matest.capture.assembly import Folder, build_encoding, build_scene, build_surface
 from matest.capture.capture import capture_file, references
 from matest.capture.images import read_image, read_mask, write_image
 from matest.capture.photometry import Encoding, Noise
@@ -79,10 +79,7 @@ def load_scene(path: str | Path) -> SceneDescription:
     if fine.mask != tables.mask and tables.mask is not None:
         mask = read_mask(folder.file(tables.mask, "mask")) > 0
         surface = surface.take(mask.repeat(factor, axis=0).repeat(factor, axis=1).flat[surface.pixels])
-    label = f"{file}: image {{}}".format
-    lit = [build_lights(image, channels, label(k))[0] for k, image in enumerate(tables.image)]
-    ambient = [colour(image.ambient, channels, label(k) + ": ambient") for k, image in enumerate(tables.image)]
-    scene = Scene(surface, tuple(lit), torch.stack(ambient)).with_shadows()
+    scene, _ = build_scene(tables, folder, surface, channels)
     return SceneDescription(file, tables, shape, channels, material, scene, factor)
 
 

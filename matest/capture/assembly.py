@@ -11,13 +11,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from matest.capture.images import read_image, read_mask
+from matest.capture.images import full_scale, read_image, read_mask
 from matest.capture.photometry import Encoding
 from matest.capture.schema import CameraTable, CaptureFile, EncodingTable, GeometryTable, ImageTable, LightTable
 from matest.errors import InputError
 from matest.scene.camera import Camera
 from matest.scene.lights import DirectionalLight, Light, PointLight, unit_direction
 from matest.scene.mesh import Mesh
+from matest.scene.scene import Scene
 from matest.scene.surface import Surface, fit_circle, from_mesh, from_normals, from_sphere
 
 
@@ -114,6 +115,27 @@ def build_lights(table: ImageTable, channels: int, label: str) -> tuple[tuple[Li
     """The lights of one image, and whether the power of all of them was given."""
     built = [_light(light, channels, f"{label}, light {k}") for k, light in enumerate(table.lights)]
     return tuple(light for light, _ in built), all(known for _, known in built)
+
+
+def build_scene(tables: CaptureFile, folder: Folder, surface: Surface, channels: int) -> tuple[Scene, bool]:
+    """Surface, lights and ambient light of every image, shadows traced; and whether the power of all lights was given.
+
+    Raises:
+        InputError: a light or ambient radiance that makes no sense, a near light on a surface without positions.
+    """
+    lights, ambient, known = [], [], True
+    for number, table in enumerate(tables.image):
+        label = f"{folder.source}: image {number}"
+        built, given = build_lights(table, channels, label)
+        if surface.positions is None and any(isinstance(light, PointLight) for light in built):
+            raise InputError(
+                f"{label}: a light with a position needs the surface's positions; give a mesh, or positions beside the "
+                "normal map."
+            )
+        lights.append(built)
+        known &= given
+        ambient.append(colour(table.ambient, channels, f"{label}: ambient"))
+    return Scene(surface, tuple(lights), torch.stack(ambient)).with_shadows(), known
 
 
 def build_encoding(
@@ -237,7 +259,7 @@ def _vectors(path: Path, shape: tuple[int, int], what: str) -> np.ndarray:
         )
     if image.dtype.kind == "u":
         background = ~image.any(axis=2)
-        vectors = image.astype(np.float64) / (np.iinfo(image.dtype).max / 2) - 1
+        vectors = image.astype(np.float64) / (full_scale(image.dtype) / 2) - 1
         vectors[background] = 0
         return vectors
     return image

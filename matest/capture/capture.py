@@ -15,12 +15,12 @@ import numpy as np
 import torch
 
 from matest.capture import schema
-from matest.capture.assembly import Folder, build_encoding, build_lights, build_surface, colour
+from matest.capture.assembly import Folder, build_encoding, build_scene, build_surface
 from matest.capture.images import read_image
 from matest.capture.photometry import FLOAT_FLOOR, Encoding, Noise, estimate_noise, quantisation
 from matest.capture.samples import Samples
 from matest.errors import InputError
-from matest.scene import PointLight, Scene
+from matest.scene import Scene
 
 # Pixels beyond this many bytes go to a temporary file: memory does not grow with the number of images.
 _MEMORY_BUDGET = 256 << 20
@@ -132,19 +132,11 @@ def load_capture(
 
     clock = time.perf_counter()
     surface = build_surface(tables, folder, shape, str(file))
-    lit = [build_lights(table, channels, f"{file}: image {k}") for k, table in enumerate(tables.image)]
     for k, table in enumerate(tables.image):
         if not (np.isfinite(table.exposure) and table.exposure > 0):
             raise InputError(f"{file}: image {k}: exposure must be positive; got {table.exposure}.")
-    ambient = [colour(table.ambient, channels, f"{file}: image {k}: ambient") for k, table in enumerate(tables.image)]
     encoding = build_encoding(tables.encoding, folder, surface, first, transfer)
-    for k, (lights, _) in enumerate(lit):
-        if surface.positions is None and any(isinstance(light, PointLight) for light in lights):
-            raise InputError(
-                f"{file}: image {k}: a light with a position needs the surface's positions; give a mesh, or positions "
-                "beside the normal map."
-            )
-    scene = Scene(surface, tuple(lights for lights, _ in lit), torch.stack(ambient)).with_shadows()
+    scene, powers_known = build_scene(tables, folder, surface, channels)
     geometry_s = time.perf_counter() - clock
 
     clock = time.perf_counter()
@@ -159,7 +151,7 @@ def load_capture(
         exposures=tuple(table.exposure for table in tables.image),
         noise=Noise(0.0, 0.0),
         noise_given=tables.noise is not None,
-        relative=tables.encoding.radiometry == "relative" or not all(known for _, known in lit),
+        relative=tables.encoding.radiometry == "relative" or not powers_known,
         folder=folder.path,
         files=tuple(paths),
         others=(file, *(folder.file(name, key) for key, name in references(tables))),

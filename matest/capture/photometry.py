@@ -8,6 +8,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from matest.capture.images import full_scale
+
 # Relative error of float images that no noise model describes: rounding and geometry.
 FLOAT_FLOOR = 1e-4
 
@@ -58,7 +60,7 @@ class Encoding:
     def signal(self, stored: np.ndarray, index: np.ndarray | slice) -> np.ndarray:
         """Stored pixels [n, C] of the object pixels `index` as linear fractions of full scale above black."""
         if stored.dtype.kind == "u":
-            scale = np.iinfo(stored.dtype).max
+            scale = int(full_scale(stored.dtype))
             if self.transfer == "linear":
                 linear = stored.astype(np.float32) * np.float32(1 / scale)
             else:
@@ -77,8 +79,9 @@ class Encoding:
         """True where the stored value is at or above saturation, [n, C]."""
         if self.saturation is None:
             return np.zeros(stored.shape, dtype=bool)
-        full = np.iinfo(stored.dtype).max if stored.dtype.kind == "u" else 1.0
-        return stored >= min(self.saturation, 1.0) * full if stored.dtype.kind == "u" else stored > self.saturation
+        if stored.dtype.kind == "u":
+            return stored >= min(self.saturation, 1.0) * full_scale(stored.dtype)
+        return stored > self.saturation
 
 
 def srgb(linear: np.ndarray) -> np.ndarray:
@@ -90,7 +93,7 @@ def quantisation(encoding: Encoding, dtype: np.dtype) -> float:
     """Standard deviation of rounding to the stored integers, linear fractions of full scale, at mid-tones."""
     if dtype.kind != "u":
         return 0.0
-    step = 1 / np.iinfo(dtype).max
+    step = 1 / full_scale(dtype)
     middle = encoding.linear(np.array([0.5, 0.5 + step]))
     return float(middle[1] - middle[0]) / np.sqrt(12)
 

@@ -193,8 +193,9 @@ class Samples:
         unseen = self._selection.unseen[self.images.index(image)]
         if unseen is None:
             return None
-        seen = 1 - np.unpackbits(unseen, axis=0, count=len(self.capture.scene.surface))[index]
-        return as_tensor(seen, self.dtype, self.device)
+        # The bits of these pixels only: unpacking all of them for every tile would cost more than the tile.
+        dark = (unseen[index >> 3] >> (7 - (index & 7)).astype(np.uint8)[:, None]) & 1
+        return as_tensor(1 - dark, self.dtype, self.device)
 
     def _readout(self, image: int, index: np.ndarray) -> Readout:
         capture = self.capture
@@ -240,14 +241,17 @@ class Samples:
         """Blocks of an image: their labels, position · BLOCKS + block, and usable pixels."""
         index = self.indices(position)
         own = self._blocks[index]
-        return [(position * BLOCKS + block, index[own == block]) for block in range(BLOCKS) if (own == block).any()]
+        order = np.argsort(own, kind="stable")
+        blocks, starts = np.unique(own[order], return_index=True)
+        parts = np.split(index[order], starts[1:])
+        return [(position * BLOCKS + int(block), part) for block, part in zip(blocks, parts, strict=False)]
 
     @cached_property
     def _blocks(self) -> np.ndarray:
         """The block of the object's bounding box that each pixel of the surface lies in [N]."""
         surface = self.capture.scene.surface
         rows, columns = np.divmod(surface.pixels, surface.shape[1])
-        return _cell(rows) * _BLOCKS_ACROSS + _cell(columns)
+        return (_cell(rows) * _BLOCKS_ACROSS + _cell(columns)).astype(np.uint8)
 
     def batches(self, size: int, *, shuffle: bool = False, seed: int = 0) -> Iterator[Batch]:
         """Mini-batches for a training loop of one's own; with `shuffle`, drawn over all images without replacement.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -208,17 +209,31 @@ class Statistics:
     def total(self, name: str) -> float:
         return sum(getattr(sums, name) for sums in self.clusters.values())
 
+    def add(self, cluster: int, sums: Sums) -> None:
+        known = self.clusters.get(cluster)
+        self.clusters[cluster] = sums if known is None else known + sums
+
+    @property
+    def reduced_chi2(self) -> float:
+        """χ² per value."""
+        return self.total("chi2") / max(self.total("values"), 1)
+
     @property
     def misfit(self) -> float:
         """χ² per value, at least 1: how much larger the residuals are than the noise."""
-        return max(self.total("chi2") / max(self.total("values"), 1), 1.0)
+        return max(self.reduced_chi2, 1.0)
+
+    @property
+    def relative_rmse(self) -> float:
+        """Rms residual over rms signal; 0 without signal."""
+        signal = self.total("squared_signal")
+        return math.sqrt(self.total("squared_residual") / signal) if signal > 0 else 0.0
 
     def grouped(self, size: int) -> Statistics:
         """The same statistics with `size` successive cluster labels joined into one."""
         joined = Statistics()
         for cluster, sums in self.clusters.items():
-            known = joined.clusters.get(cluster // size)
-            joined.clusters[cluster // size] = sums if known is None else known + sums
+            joined.add(cluster // size, sums)
         return joined
 
     @property
@@ -271,8 +286,7 @@ def accumulate(
     with single_threaded_torch(), ThreadPoolExecutor(processors()) as pool:
         for group in tiles:
             for cluster, sums in itertools.chain.from_iterable(pool.map(work, group)):
-                known = statistics.clusters.get(cluster)
-                statistics.clusters[cluster] = sums if known is None else known + sums
+                statistics.add(cluster, sums)
     return statistics
 
 

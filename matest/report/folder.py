@@ -15,12 +15,10 @@ from pathlib import Path
 
 from matest.brdf import Brdf
 from matest.capture import Capture
-from matest.capture.images import write_image
 from matest.errors import InputError
 from matest.report.page import page
 from matest.report.pictures import write_pictures
 from matest.result import Estimate
-from matest.shader import render_image
 
 # What matest writes into a result or prediction folder; a folder with anything else in it is not replaced.
 _OWN = {
@@ -110,10 +108,7 @@ def write_prediction(material: Brdf, errors: list[float | None], capture: Captur
     """Write predicted images: `NN.exr` (linear radiance), the pictures of `write_pictures`, `prediction.json`."""
     check_destination(out, "prediction.json")
     with whole_folder(out) as folder:
-        for number in range(len(capture)):
-            image = render_image(capture.scene, number, material).detach().numpy()
-            write_image(folder / f"{number:02d}.exr", image)
-        write_pictures(capture, material, folder)
+        write_pictures(capture, material, folder, radiance=True)
         images = [
             {"image": name, "prediction": f"{number:02d}.exr", "relative_rmse": error}
             for number, (name, error) in enumerate(zip(capture.names, errors, strict=True))

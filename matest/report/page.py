@@ -39,7 +39,7 @@ def page(estimate: Estimate, files: list[str]) -> str:
             [
                 (*row, parameter.doc)
                 for name, parameter in estimate.parameters.items()
-                for row in rows(name, parameter, channel_names(_channels(estimate)))
+                for row in rows(name, parameter, channel_names(estimate.channels))
             ],
         ),
         *(f'<p class="warning">{escape(warning)}</p>' for warning in estimate.warnings),
@@ -95,10 +95,6 @@ def page(estimate: Estimate, files: list[str]) -> str:
         + "\n".join(parts)
         + "</body></html>\n"
     )
-
-
-def _channels(estimate: Estimate) -> int:
-    return max((len(p.value) for p in estimate.parameters.values() if isinstance(p.value, list)), default=1)
 
 
 def _table(head: tuple[str, ...], body: list[tuple[str, ...]], kind: str = "") -> str:

@@ -18,7 +18,7 @@ from matest.shader import render_image
 RESIDUAL_RANGE = 0.1
 
 
-def write_pictures(capture: Capture, material: Brdf, folder: Path) -> None:
+def write_pictures(capture: Capture, material: Brdf, folder: Path, *, radiance: bool = False) -> None:
     """`images/NN_photo.png`, `NN_render.png`, `NN_residual.png` and `profile.csv`.
 
     Photograph and render share one exposure. In the residual red is a photograph brighter than the model, blue a
@@ -28,6 +28,7 @@ def write_pictures(capture: Capture, material: Brdf, folder: Path) -> None:
         capture: the photographs.
         material: what to shade under the capture's lights.
         folder: where to write.
+        radiance: write the linear radiance of the material too, `NN.exr`.
     """
     (folder / "images").mkdir(parents=True, exist_ok=True)
     surface, samples = capture.scene.surface, capture.samples()
@@ -35,6 +36,8 @@ def write_pictures(capture: Capture, material: Brdf, folder: Path) -> None:
     line = _object_row(surface.mask)
     for number in range(len(capture)):
         render = render_image(capture.scene, number, material).detach().numpy()
+        if radiance:
+            write_image(folder / f"{number:02d}.exr", render)
         photo = surface.image(capture.radiance(number))
         lit = photo[surface.mask]
         white = float(np.quantile(lit.max(axis=1), 0.995)) or 1.0

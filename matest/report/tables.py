@@ -23,7 +23,6 @@ def estimate_table(estimate: Estimate) -> Group:
     table = Table(box=SIMPLE_HEAD, title=f"{estimate.capture}: {estimate.model}", title_justify="left")
     for column in ("parameter", "value ± standard error", "95 % interval", "status"):
         table.add_column(column, no_wrap=column != "value ± standard error")
-    channels = max((len(p.value) for p in estimate.parameters.values() if isinstance(p.value, list)), default=1)
     component = ""
     for name, parameter in estimate.parameters.items():
         # Parameters of a sum stand under the name of their model.
@@ -31,7 +30,7 @@ def estimate_table(estimate: Estimate) -> Group:
         if dot and owner != component:
             component = owner
             table.add_row(Text(owner, style="bold"), "", "", "")
-        for row in rows(f"  {short}" if dot else name, parameter, channel_names(channels)):
+        for row in rows(f"  {short}" if dot else name, parameter, channel_names(estimate.channels)):
             table.add_row(*row[:-1], Text(row[-1], style=_STATUS_STYLE.get(row[-1], "")))
     fit = estimate.fit
     parts: list[object] = []
