@@ -60,6 +60,23 @@ class Directions:
         return self._wi[0] * self._wo[0] + self._wi[1] * self._wo[1]
 
     @cached_property
+    def azimuthal(self) -> Tensor:
+        """s / t: s = `tangential`, t = max(cos θi, cos θr) on the side of the light (s > 0), 1 on the far side."""
+        t = torch.maximum(self.cos_i, self.cos_o).clamp(min=1e-6)
+        return self.tangential / torch.where(self.tangential > 0, t, torch.ones_like(t))
+
+    @cached_property
+    def half_azimuth(self) -> tuple[Tensor, Tensor]:
+        """Cosine and sine of (φr − φi)/2, |φr − φi| ≤ π; undefined, and finite, where a direction is the normal."""
+        cos = (self.tangential / (self.sin_i * self.sin_o)).clamp(-1, 1)
+        return tuple(((1 + sign * cos) / 2).clamp(min=_SIN2_FLOOR).sqrt() for sign in (1, -1))  # type: ignore[return-value]
+
+    def along(self, azimuth: Tensor) -> tuple[Tensor, Tensor]:
+        """Tangential components of L and V along an azimuth in radians, from the tangent toward the bitangent."""
+        x, y = azimuth.cos(), azimuth.sin()
+        return self._wi[0] * x + self._wi[1] * y, self._wo[0] * x + self._wo[1] * y
+
+    @cached_property
     def half_squared(self) -> Tensor:
         """|L + V|² = 4 cos²θh, θh the angle between light and half vector. Positive above the horizon."""
         return self._half_tangential_squared + self._half_z * self._half_z

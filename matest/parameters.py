@@ -1,7 +1,7 @@
 """Parameters of reflectance models, declared once.
 
 A declaration carries everything that other parts need to know of a parameter: its domain, unit and meaning, whether
-the model is linear in it, whether every colour channel has its own value. Bounds, the unconstrained transform, labels,
+every colour channel has its own value. Bounds, the unconstrained transform, labels,
 tables and file formats all follow from it.
 """
 
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import torch
@@ -71,22 +72,35 @@ class Parameter:
         domain: closed interval of the physical values.
         unit: "1", "rad", "µm".
         doc: what it is, in the field's words.
-        linear: the model is linear in it: its column of the design matrix is the model with it at 1 and the
-            other linear ones at 0.
         per_channel: albedo-like; an estimate gives every colour channel its own value.
         held: value at which an estimate holds it unless the capture determines it (None: always estimated).
         gauge: tied to the unknown common light scale: 1 when radiometry is absolute, unknown when it is relative.
         log: varies over decades, so it is searched on a logarithmic grid.
+        when: the parameter exists only while these options of its model have one of these values.
+        coloured_when: likewise, what makes it `per_channel`.
     """
 
     domain: Domain
     unit: str
     doc: str
-    linear: bool = False
     per_channel: bool = False
     held: float | None = None
     gauge: bool = False
     log: bool = False
+    when: Mapping[str, tuple[str, ...]] = dataclasses.field(default_factory=dict)
+    coloured_when: Mapping[str, tuple[str, ...]] = dataclasses.field(default_factory=dict)
+
+    def under(self, options: Mapping[str, str]) -> Parameter | None:
+        """The declaration under a model's options; None where the parameter does not exist."""
+        if not _met(self.when, options):
+            return None
+        if self.coloured_when and _met(self.coloured_when, options):
+            return dataclasses.replace(self, per_channel=True)
+        return self
+
+
+def _met(conditions: Mapping[str, tuple[str, ...]], options: Mapping[str, str]) -> bool:
+    return all(options[name] in values for name, values in conditions.items())
 
 
 def parameter(domain: Domain, *, unit: str, doc: str, default: float, **kind: Any) -> Any:

@@ -85,6 +85,7 @@ def reflectance(brdf: Brdf, cos_o: Tensor) -> Tensor:
     The share of the radiance of an even sky that is reflected; by reciprocity the albedo of light from there.
     Quadrature at 33 cosines, linear between them: exact to 1e-3 for lobes of rms slope 0.03 and more.
     """
+    check_sky(brdf)
     nodes = sky_nodes(cos_o.dtype, cos_o.device)
     values = brdf.to(cos_o.dtype, cos_o.device)
     factors = values.factors
@@ -101,6 +102,15 @@ def reflectance(brdf: Brdf, cos_o: Tensor) -> Tensor:
             part = part * values.parameters[factor]
         total = total + part
     return total
+
+
+def check_sky(brdf: Brdf) -> None:
+    """Raise InputError for a model whose reflectance under an even sky is not a function of cos θr alone."""
+    if brdf.anisotropic:
+        raise InputError(
+            f"ambient light on {brdf.expression}, which reflects differently along and across its grooves, is not "
+            "computed: leave out the ambient light or choose isotropic=true."
+        )
 
 
 class SkyNodes:
@@ -133,7 +143,7 @@ def sky_nodes(dtype: torch.dtype, device: torch.device) -> SkyNodes:
 def sky_terms(terms: tuple[Term, ...]) -> list[Term]:
     """Terms evaluated at the directions of `sky_nodes`, integrated over the sky: shapes [33, 1 or C]."""
     integrated = []
-    for factors, shape in terms:
+    for factors, shape, *_ in terms:
         nodes = sky_nodes(shape.dtype, shape.device)
         integrated.append(Term(factors, (shape * nodes.weight).sum(-2)))
     return integrated

@@ -9,8 +9,8 @@ import torch
 from scipy.special import roots_legendre
 from torch import Tensor
 
-from matest.brdf import MODELS, Brdf, model
-from matest.parameters import Parameter, options_of
+from matest.brdf import Brdf, model
+from matest.parameters import Parameter
 
 # Below this a lobe is narrower than anything photographed.
 REALISTIC_FLOOR = 0.02
@@ -60,19 +60,19 @@ def closed_domain_pairs(dtype: torch.dtype) -> tuple[Tensor, Tensor]:
     return wi.to(dtype), torch.stack([sin_o * cos_phi, sin_o * sin_phi, cos_o], dim=-1).to(dtype)
 
 
-def catalogue() -> list[str]:
-    """Expressions of every model with every choice of each of its options."""
-    expressions = [
-        kind(**{key: choice}).expression
-        for kind in MODELS.values()
-        for key, choices in options_of(kind).items()
-        for choice in choices
-    ]
-    return list(dict.fromkeys([*MODELS, *expressions]))
-
-
 def named(expression: str) -> Brdf:
     return model(expression)[0]
+
+
+def linear(brdf: Brdf) -> list[str]:
+    """Amplitudes that the model is jointly linear in: none is squared or multiplied by another of them."""
+    chosen: list[str] = []
+    for name in brdf.declared:
+        with_it = [factors for factors in brdf.products if name in factors]
+        alone = all(factors.count(name) == 1 and not {*chosen} & {*factors} for factors in with_it)
+        if with_it and alone:
+            chosen.append(name)
+    return chosen
 
 
 def realistic(declared: Parameter) -> tuple[float, float]:

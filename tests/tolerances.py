@@ -14,6 +14,8 @@ NINE_DIGITS = 5e-9
 # Albedos printed to three decimals: half a unit, and the error of the quadrature.
 THREE_DECIMALS = 6e-4
 TWO_DECIMALS = 5.5e-3
+# Radiance printed to one decimal, of about 74 for Lambert: half a unit, and 4e-4 of Lambert from the quadrature.
+ONE_DECIMAL = 0.08
 # White lobe against an integral over facet slopes: f0 stops 1e-4 short of 1, and the quadrature crosses kinks of G.
 PERFECT_REFLECTOR = 4e-4
 # float32 against float64 on the same float32 inputs, relative or as a fraction of the model's peak.
@@ -27,6 +29,8 @@ FLOAT32_GEOMETRY = 2e-6
 DIFFERENCES = 1e-6
 # White furnace: error of the quadrature for the narrowest lobe it sees (slope or sigma 0.1).
 FURNACE = 1e-3
+# Fujii's lobe has kinks in polar angle and azimuth: 128 nodes of each.
+EON_FURNACE = 2e-4
 # A smooth function integrated over the hemisphere.
 NORMALISATION = 1e-9
 # Albedo of a lobe of slope 0.05 against the reflectance at its centre: the lobe averages over 3 degrees.
@@ -36,6 +40,12 @@ ROUND_TRIP = 1e-12
 ROUND_TRIP_FLOAT32 = 1e-5
 # Values at an end of their domain are taken this far inside it, as a fraction of its width.
 END_OF_DOMAIN = 1.1e-6
+
+# Two facets lit and seen in full: the floor of 1e-12 under the square root of a distance that is 0.
+SECOND_BOUNCE = 2e-12
+# Mean over 64 orientations of one slope, in units of the Lambert radiance, up to 80 degrees from the normal: the
+# integrand has kinks where a facet begins to be shadowed or masked.
+ORIENTATIONS = 5e-4
 
 
 class Excess(NamedTuple):
@@ -51,6 +61,9 @@ ALBEDO_EXCESS = {
         1.048, "eq. 14-16 are a fit: above 1 at oblique incidence for albedo > 0.95, sigma 5 to 30 deg"
     ),
     "oren-nayar-qualitative": Excess(1.015, "eq. 17 is a fit: above 1 at oblique incidence for sigma 5 to 20 deg"),
+    "fujii": Excess(
+        1.028, "its interreflection is a fit that does not depend on the angles: above 1 for albedo > 0.97"
+    ),
     "torrance-sparrow": Excess(10.84, "literal 1967 form, not normalised: specular carries the constant"),
     "cook-torrance(normalisation=ngan)": Excess(1.274, "divisor pi instead of 4: 4/pi times the physical lobe"),
     "cook-torrance(normalisation=paper1982)": Excess(4.0, "the printed 1/pi beside D without its 1/pi: 4 times"),

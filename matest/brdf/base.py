@@ -19,10 +19,27 @@ class Term(NamedTuple):
 
     `shape` [..., 1 or C] in 1/sr depends on the directions and on the remaining (non-linear) parameters only. This is
     what lets an estimator eliminate the amplitudes: a model is a polynomial in its factors.
+
+    Where directions and parameters separate, `shape` = Σq weights_q · images_q, the `images` [..., Q] depend on the
+    directions alone and the `weights` [Q], or [..., 1 or C, Q], on the parameters alone (see `mixture`). An estimator
+    then walks over the samples once, whatever the number of parameter values that it tries.
     """
 
     factors: tuple[str, ...]
     shape: Tensor
+    images: Tensor | None = None
+    weights: Tensor | None = None
+
+
+def mixture(factors: tuple[str, ...], images: Tensor, weights: Tensor) -> Term:
+    """The term Σq weights_q · images_q, times its factors; shapes as in `Term`."""
+    if weights.ndim == 1:
+        shape = images @ weights[:, None]
+    elif weights.ndim == 2:
+        shape = images @ weights.mT
+    else:
+        shape = (images.unsqueeze(-2) * weights).sum(-1)
+    return Term(factors, shape, images, weights)
 
 
 class Brdf:
@@ -40,15 +57,21 @@ class Brdf:
 
     name: ClassVar[str]
     source: ClassVar[str]
+    excluded: ClassVar[
+        tuple[tuple[dict[str, str], str], ...]
+    ] = ()  # choices of options that do not go together, and why
     body: ClassVar[bool] = False  # a diffuse model: a `diffuse` part beside it would only compete with it
 
     def __post_init__(self) -> None:
-        for name, declared in self.declared.items():
-            object.__setattr__(self, name, _as_tensor(getattr(self, name), declared, f"{self.name}: {name}"))
         for name, choices in options_of(type(self)).items():
             value = getattr(self, name)
             if value not in choices:
                 raise InputError(f"{self.name}: {name} must be one of {', '.join(choices)}; got '{value}'.")
+        for combination, reason in self.excluded:
+            if all(getattr(self, name) == value for name, value in combination.items()):
+                raise InputError(f"{self.name}: {reason}")
+        for name, declared in parameters_of(type(self)).items():
+            object.__setattr__(self, name, _as_tensor(getattr(self, name), declared, f"{self.name}: {name}"))
 
     def terms(self, directions: Directions) -> tuple[Term, ...]:
         """The model's terms at directions above the horizon."""
@@ -56,8 +79,10 @@ class Brdf:
 
     @property
     def declared(self) -> dict[str, Parameter]:
-        """Declarations by name (in a sum: by path, `lambert.albedo`)."""
-        return parameters_of(type(self))
+        """Declarations by name (in a sum: by path, `lambert.albedo`) of the parameters that exist under the options."""
+        options = {name: getattr(self, name) for name in options_of(type(self))}
+        found = {name: declared.under(options) for name, declared in parameters_of(type(self)).items()}
+        return {name: declared for name, declared in found.items() if declared is not None}
 
     @property
     def parameters(self) -> dict[str, Tensor]:
@@ -69,7 +94,7 @@ class Brdf:
         """The factors of each term."""
         normal = torch.tensor([[0.0, 0.0, 1.0]])
         anywhere = self.replace({name: torch.tensor(0.5) for name in self.declared})
-        return [factors for factors, _ in anywhere.terms(Directions(normal, normal))]
+        return [term.factors for term in anywhere.terms(Directions(normal, normal))]
 
     def carriers(self, shape: str) -> set[str]:
         """Names of the parameters that multiply the terms which depend on the shape parameter `shape`."""
@@ -78,7 +103,18 @@ class Brdf:
         middle = {name: torch.tensor(0.5) for name in self.declared}
         here, there = (self.replace({**middle, shape: torch.tensor(v)}).terms(directions) for v in (0.4, 0.6))
         pairs = zip(here, there, strict=True)
-        return {factor for (factors, one), (_, other) in pairs if not torch.equal(one, other) for factor in factors}
+        return {name for one, other in pairs if not torch.equal(one.shape, other.shape) for name in one.factors}
+
+    @property
+    def anisotropic(self) -> bool:
+        """Whether reflection changes when light and viewer turn together about the normal."""
+        wi, wo = (
+            torch.tensor([[0.48, 0.36, 0.8], [-0.36, 0.48, 0.8]]),
+            torch.tensor([[-0.6, 0.64, 0.48], [-0.64, -0.6, 0.48]]),
+        )
+        terms = self.replace({name: torch.tensor(0.5) for name in self.declared}).terms(Directions(wi, wo))
+        shapes = [term.shape.expand(2, -1) for term in terms]
+        return any(not torch.allclose(shape[0], shape[1], rtol=1e-4) for shape in shapes)
 
     @property
     def factors(self) -> set[str]:
@@ -115,7 +151,7 @@ class Brdf:
         """Values [..., C] at directions above the horizon."""
         values = self.parameters
         total: Tensor | float = 0.0
-        for factors, shape in self.terms(directions):
+        for factors, shape, *_ in self.terms(directions):
             for factor in factors:
                 shape = shape * values[factor]
             total = total + shape
@@ -179,9 +215,9 @@ class Sum(Brdf):
 
     def terms(self, directions: Directions) -> tuple[Term, ...]:
         return tuple(
-            Term(tuple(f"{name}.{factor}" for factor in factors), shape)
+            term._replace(factors=tuple(f"{name}.{factor}" for factor in term.factors))
             for name, part in self._by_name.items()
-            for factors, shape in part.terms(directions)
+            for term in part.terms(directions)
         )
 
 

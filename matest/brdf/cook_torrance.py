@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 from typing import ClassVar
@@ -10,13 +11,19 @@ import torch
 from torch import Tensor
 
 from matest.brdf.base import Brdf, Term
-from matest.brdf.fresnel import dielectric
-from matest.brdf.microfacet import beckmann, smith_beckmann, v_cavity
+from matest.brdf.fresnel import colour_shift_weight, conductor, dielectric, schlick_weight
+from matest.brdf.microfacet import beckmann, gaussian, ggx, smith_beckmann, smith_ggx, v_cavity
 from matest.directions import Directions
 from matest.parameters import interval, option, parameter, unit_interval
 
 # Lobe = F Dn G / (divisor · cos θi cos θr), with Dn normalised; here as a multiple of the physical 1/4.
 _NORMALISATION = {"physical": 1.0, "ngan": 4 / math.pi, "paper1982": 4.0}
+_DISTRIBUTION = {"beckmann": beckmann, "gaussian": gaussian, "ggx": ggx}
+_SMITH = {"beckmann": smith_beckmann, "ggx": smith_ggx}
+
+_SLOPE = interval(1e-3, 1)
+_SEVERAL = {"lobes": ("2", "3")}
+_COLOURED = {"fresnel": ("schlick", "colour-shift")}
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,35 +32,125 @@ class CookTorrance(Brdf):
 
     f = diffuse/π + specular · F D G / (4 cos θi cos θr)
 
-    D is Beckmann's distribution of rms slope `slope` m, normalised to ∫ D cos α dω = 1; F the Fresnel reflectance of a
-    dielectric with normal reflectance `f0`; G the masking of V-cavities or Smith's. `diffuse` = d·π·Rd and `specular`
-    = s in the paper's s·Rs + d·Rd. Shapes as `Brdf`.
+    `diffuse` = d·π·Rd and `specular` = s in the paper's s·Rs + d·Rd. Shapes as `Brdf`. The options choose
 
-    `normalisation`: `physical` divides by 4, `ngan` by π, `paper1982` by 1: the paper prints D without its 1/π beside
-    a divisor π, four times as bright as a mirror can be.
+    - `distribution` D, normalised to ∫ D cos α dω = 1: Beckmann's of rms slope `slope` m, a Gaussian of the facet angle
+      exp(−(α/m)²), or GGX of width m.
+    - `lobes`: surfaces with structure at several scales, D = (1 − w₂) D(m) + w₂ D(m₂); with three
+      D = (1 − w₂) D(m) + w₂ [(1 − w₃) D(m₂) + w₃ D(m₃)].
+    - `masking` G: of V-cavities (the paper's) or Smith's.
+    - `fresnel` F: of a `dielectric` with normal reflectance `f0` = ((n−1)/(n+1))²; of a `conductor` of index
+      `eta` − i `k`; `schlick`, f0 + (1 − f0)(1 − V·H)⁵; or the paper's interpolation of colours, `colour-shift`, from
+      `f0` toward white as the Fresnel term of a dielectric with the average reflectance `f0_mean` rises. Tensors
+      broadcast: give `f0`, `eta`, `k` one value per channel, or per wavelength of a spectrum.
+    - `weights`: `complementary` ties s + d = 1; `diffuse` is then π·Rd alone, the albedo of the body.
+    - `normalisation`: `physical` divides by 4, `ngan` by π, `paper1982` by 1: the paper prints D without its 1/π
+      beside a divisor π, four times as bright as a mirror can be.
 
     Source: Cook & Torrance 1982; the 1/4 from dω_r = 4 (V·H) dω_h. Limits: single bounce between facets, so rough
-    lobes lose energy (7 % at m = 0.4).
+    lobes lose energy (7 % at m = 0.4). A body without complementary weights is not dimmed by the surface above it.
     """
 
-    diffuse: Tensor = parameter(
-        unit_interval, unit="1", doc="albedo of the body", default=0.5, linear=True, per_channel=True
-    )
+    diffuse: Tensor = parameter(unit_interval, unit="1", doc="albedo of the body", default=0.5, per_channel=True)
     specular: Tensor = parameter(
-        unit_interval, unit="1", doc="weight of the surface reflection s", default=1.0, linear=True, per_channel=True
+        unit_interval, unit="1", doc="weight of the surface reflection s", default=1.0, per_channel=True
     )
-    slope: Tensor = parameter(interval(1e-3, 1), unit="1", doc="rms slope of the facets m", default=0.2, log=True)
+    slope: Tensor = parameter(_SLOPE, unit="1", doc="rms slope of the facets m", default=0.2, log=True)
     f0: Tensor = parameter(
-        unit_interval, unit="1", doc="reflectance at normal incidence", default=0.04, held=0.04, log=True
+        unit_interval,
+        unit="1",
+        doc="reflectance at normal incidence",
+        default=0.04,
+        held=0.04,
+        log=True,
+        when={"fresnel": ("dielectric", "schlick", "colour-shift")},
+        coloured_when=_COLOURED,
     )
+    f0_mean: Tensor = parameter(
+        unit_interval,
+        unit="1",
+        doc="average of f0 over wavelengths",
+        default=0.04,
+        held=0.04,
+        log=True,
+        when={"fresnel": ("colour-shift",)},
+    )
+    eta: Tensor = parameter(
+        interval(0.05, 10),
+        unit="1",
+        doc="index of refraction n",
+        default=1.5,
+        log=True,
+        per_channel=True,
+        when={"fresnel": ("conductor",)},
+    )
+    k: Tensor = parameter(
+        interval(0, 12),
+        unit="1",
+        doc="extinction coefficient",
+        default=3.0,
+        per_channel=True,
+        when={"fresnel": ("conductor",)},
+    )
+    slope_2: Tensor = parameter(
+        _SLOPE, unit="1", doc="rms slope of the second lobe", default=0.4, log=True, when=_SEVERAL
+    )
+    slope_3: Tensor = parameter(
+        _SLOPE, unit="1", doc="rms slope of the third lobe", default=0.6, log=True, when={"lobes": ("3",)}
+    )
+    weight_2: Tensor = parameter(
+        unit_interval, unit="1", doc="share of the further lobes w₂", default=0.5, when=_SEVERAL
+    )
+    weight_3: Tensor = parameter(
+        unit_interval, unit="1", doc="share of the third lobe in these w₃", default=0.5, when={"lobes": ("3",)}
+    )
+    distribution: str = option("beckmann", choices=tuple(_DISTRIBUTION), doc="slope distribution")
+    lobes: str = option("1", choices=("1", "2", "3"), doc="number of slope distributions")
     masking: str = option("v-cavity", choices=("v-cavity", "smith"), doc="masking and shadowing of facets")
+    fresnel: str = option(
+        "dielectric", choices=("dielectric", "conductor", "schlick", "colour-shift"), doc="Fresnel reflectance"
+    )
+    weights: str = option("independent", choices=("independent", "complementary"), doc="whether s + d = 1")
     normalisation: str = option("physical", choices=tuple(_NORMALISATION), doc="constant of the lobe")
 
     name: ClassVar[str] = "cook-torrance"
     source: ClassVar[str] = "Cook & Torrance 1982"
+    excluded: ClassVar[tuple[tuple[dict[str, str], str], ...]] = (
+        (
+            {"distribution": "gaussian", "masking": "smith"},
+            "Smith's masking has no closed form for a Gaussian of the angle; take masking=v-cavity or beckmann.",
+        ),
+    )
 
     def terms(self, directions: Directions) -> tuple[Term, ...]:
-        masked = v_cavity(directions) if self.masking == "v-cavity" else smith_beckmann(directions, self.slope)
-        lobe = dielectric(directions.cos_d, self.f0) * beckmann(directions, self.slope) * masked
         body = torch.full_like(directions.cos_i * directions.cos_o, 1 / math.pi)
-        return Term(("diffuse",), body), Term(("specular",), lobe * _NORMALISATION[self.normalisation])
+        out = [Term(("diffuse",), body)]
+        if self.weights == "complementary":
+            out.append(Term(("specular", "diffuse"), -body))
+        for weight, lobe in self._lobes(directions):
+            for factors, reflectance in self._reflectances(directions):
+                out.append(Term(("specular", *weight, *factors), lobe * reflectance))
+        return tuple(out)
+
+    def _lobes(self, directions: Directions) -> list[tuple[tuple[str, ...], Tensor]]:
+        """D G / (4 cos θi cos θr), as a polynomial in the weights of the lobes."""
+        slopes = [self.slope, self.slope_2, self.slope_3][: int(self.lobes)]
+        scale = _NORMALISATION[self.normalisation]
+        shared = scale * v_cavity(directions) if self.masking == "v-cavity" else None
+        lobes = []
+        for slope in slopes:
+            masked = scale * _SMITH[self.distribution](directions, slope) if shared is None else shared
+            lobes.append(_DISTRIBUTION[self.distribution](directions, slope) * masked)
+        # What a further lobe adds, it takes from the one before.
+        parts = [lobes[0], *(later - earlier for earlier, later in itertools.pairwise(lobes))]
+        return [(("weight_2", "weight_3")[:count], part) for count, part in enumerate(parts)]
+
+    def _reflectances(self, directions: Directions) -> list[tuple[tuple[str, ...], Tensor]]:
+        """F, as a polynomial in f0 where it is one."""
+        cos_d = directions.cos_d
+        if self.fresnel == "dielectric":
+            return [((), dielectric(cos_d, self.f0))]
+        if self.fresnel == "conductor":
+            return [((), conductor(cos_d, self.eta, self.k))]
+        risen = schlick_weight(cos_d) if self.fresnel == "schlick" else colour_shift_weight(cos_d, self.f0_mean)
+        return [((), risen), (("f0",), 1 - risen)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import torch
 from torch import Tensor
 
 
@@ -22,3 +23,52 @@ def dielectric(cos_d: Tensor, f0: Tensor) -> Tensor:
     plus = (n2_minus_1 + c * c).sqrt() + c
     minus = n2_minus_1 / plus
     return 0.5 * (minus / plus).square() * (1 + ((c * plus - 1) / (c * minus + 1)).square())
+
+
+def conductor(cos_d: Tensor, eta: Tensor, k: Tensor) -> Tensor:
+    """Reflectance of a conductor of complex index `eta` − i `k`.
+
+    F = ½ Rs (1 + ((ac − s²)² + b²c²)/((ac + s²)² + b²c²)),  Rs = ((a−c)² + b²)/((a+c)² + b²),
+    (a − ib)² = (n − ik)² − s²,  c = cos_d, s² = 1 − c²
+
+    Args:
+        cos_d: cosine of the angle between light and half vector, in [0, 1].
+        eta: real part n of the index, positive.
+        k: extinction coefficient, at least 0.
+
+    Source: Cook & Torrance 1982 (Fresnel equation); Born & Wolf. Sums of squares instead of the printed differences,
+    and the smaller of a, b from ab = nk: no cancellation.
+    """
+    c, c2 = cos_d, cos_d * cos_d
+    s2 = 1 - c2
+    nk = eta * k
+    t = eta * eta - k * k - s2
+    modulus = (t * t + 4 * nk * nk).clamp(min=1e-24).sqrt()
+    larger = (0.5 * (modulus + t.abs())).sqrt()
+    smaller = nk / larger
+    a, b = torch.where(t >= 0, larger, smaller), torch.where(t >= 0, smaller, larger)
+    b2 = b * b
+    senkrecht = ((a - c).square() + b2) / ((a + c).square() + b2)
+    ratio = ((a * c - s2).square() + b2 * c2) / ((a * c + s2).square() + b2 * c2)
+    return 0.5 * senkrecht * (1 + ratio)
+
+
+def schlick_weight(cos_d: Tensor) -> Tensor:
+    """(1 − c)⁵, the share by which the reflectance has risen from its normal value to 1: F = f0 + (1 − f0)(1 − c)⁵.
+
+    Source: Schlick 1994.
+    """
+    rest = 1 - cos_d
+    return rest.square().square() * rest
+
+
+def colour_shift_weight(cos_d: Tensor, f0_mean: Tensor) -> Tensor:
+    """max(0, F(θ) − F(0)) / (1 − F(0)): the share by which the colour has shifted from its normal value to the light's.
+
+    F is the reflectance of a dielectric whose normal reflectance is the average over wavelengths `f0_mean`.
+
+    Source: Cook & Torrance 1982, the interpolation of colours. The effective dielectric of a metal has a Brewster dip
+    that the metal has not: hence the max.
+    """
+    normal = f0_mean.clamp(1e-6, 1 - 1e-4)
+    return ((dielectric(cos_d, f0_mean) - normal) / (1 - normal)).clamp(min=0)

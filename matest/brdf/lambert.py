@@ -18,7 +18,7 @@ from matest.parameters import parameter, unit_interval
 class Lambert(Brdf):
     """f = albedo / π: the radiance of the surface does not depend on the direction of view."""
 
-    albedo: Tensor = parameter(unit_interval, unit="1", doc="albedo", default=0.5, linear=True, per_channel=True)
+    albedo: Tensor = parameter(unit_interval, unit="1", doc="albedo", default=0.5, per_channel=True)
 
     name: ClassVar[str] = "lambert"
     source: ClassVar[str] = "Lambert 1760"

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
+import numpy as np
 import torch
+from scipy.special import roots_legendre
 from torch import Tensor
 
 from matest.directions import Directions
@@ -13,6 +16,9 @@ _SLOPE_FLOOR = 1e-3
 _COS_PRODUCT_FLOOR = 1e-12
 # G1 differs from 1 by less than float64 rounding beyond this argument.
 _SMITH_LIMIT = 6.5
+# exp(−x²) is below float64 rounding beyond this argument.
+_GAUSSIAN_LIMIT = 6.5
+_GAUSSIAN_DEGREE = 40
 
 
 def beckmann(directions: Directions, slope: Tensor) -> Tensor:
@@ -24,6 +30,52 @@ def beckmann(directions: Directions, slope: Tensor) -> Tensor:
     """
     m2 = slope.clamp(min=_SLOPE_FLOOR).square()
     return torch.exp(-directions.tan2_half / m2) / (math.pi * m2 * directions.cos2_half.square())
+
+
+def gaussian(directions: Directions, slope: Tensor) -> Tensor:
+    """A Gaussian of the facet angle, normalised to ∫ D cos α dω = 1, in 1/sr.
+
+    D = c exp(−(α/m)²), m = `slope` in radians, within [1e-3, 1]; 1/c = π ∫ exp(−α²/m²) sin 2α dα over [0, π/2].
+
+    Source: Cook & Torrance 1982, with their arbitrary constant c determined.
+    """
+    m = slope.clamp(_SLOPE_FLOOR, 1.0)
+    return torch.exp(-(directions.theta_half / m).square()) * gaussian_constant(m)
+
+
+def gaussian_constant(slope: Tensor) -> Tensor:
+    """c of `gaussian` for m in (0, 1]: π m² c is smooth in m, here a Chebyshev series of it, exact to 1e-14."""
+    x = 2 * slope - 1
+    later, last = torch.zeros_like(x), torch.zeros_like(x)
+    first, *rest = _gaussian_series()
+    for coefficient in reversed(rest):
+        later, last = last, 2 * x * last - later + coefficient
+    return (x * last - later + first) / (math.pi * slope.square())
+
+
+@cache
+def _gaussian_series() -> list[float]:
+    nodes, weights = roots_legendre(128)
+
+    def product(x: np.ndarray) -> np.ndarray:
+        m = ((x + 1) / 2)[:, None]
+        # α = m y, y up to where the Gaussian vanishes: 1/(π m² c) = ∫ exp(−y²) sin(2 m y)/m dy.
+        end = np.minimum(math.pi / (2 * m), _GAUSSIAN_LIMIT)
+        y = end * (nodes + 1) / 2
+        return 1 / (np.exp(-y * y) * 2 * y * np.sinc(2 * m * y / math.pi) * weights * end / 2).sum(-1)
+
+    return np.polynomial.Chebyshev.interpolate(product, _GAUSSIAN_DEGREE).coef.tolist()
+
+
+def ggx(directions: Directions, width: Tensor) -> Tensor:
+    """The distribution of Trowbridge and Reitz, normalised to ∫ D cos α dω = 1, in 1/sr.
+
+    D = m² / (π (m² cos²α + sin²α)²), m = `width`, taken at least 1e-3; its rms slope is infinite.
+
+    Source: Trowbridge & Reitz 1975; named GGX by Walter et al. 2007.
+    """
+    m2 = width.clamp(min=_SLOPE_FLOOR).square()
+    return 1 / (math.pi * m2 * (directions.cos2_half * (1 + directions.tan2_half / m2)).square())
 
 
 def v_cavity(directions: Directions) -> Tensor:
@@ -51,6 +103,21 @@ def smith_beckmann(directions: Directions, slope: Tensor) -> Tensor:
     return (
         0.25 * _g1_over_cos(directions.cos_i, directions.sin_i, m) * _g1_over_cos(directions.cos_o, directions.sin_o, m)
     )
+
+
+def smith_ggx(directions: Directions, width: Tensor) -> Tensor:
+    """G1(θi) G1(θr) / (4 cos θi cos θr), Smith's masking of a GGX surface of width `width`.
+
+    G1 = 2 cos θ / (cos θ + √(cos²θ + m² sin²θ)).
+
+    Source: Walter et al. 2007, eq. 34.
+    """
+    m = width.clamp(min=_SLOPE_FLOOR)
+    sides = [
+        cos + (cos * cos + (m * sin).square()).clamp(min=_COS_PRODUCT_FLOOR).sqrt()
+        for cos, sin in ((directions.cos_i, directions.sin_i), (directions.cos_o, directions.sin_o))
+    ]
+    return 1 / (sides[0] * sides[1])
 
 
 def _g1_over_cos(cos: Tensor, sin: Tensor, slope: Tensor) -> Tensor:

@@ -9,7 +9,7 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from matest.brdf.base import Brdf, Term
+from matest.brdf.base import Brdf, Term, mixture
 from matest.directions import Directions
 from matest.parameters import interval, non_negative, parameter, unit_interval
 
@@ -75,6 +75,8 @@ class OrenNayar(Brdf):
         out_of_plane = (alpha * beta).square() - alpha * beta * (alpha / sin_alpha) * beta_over_sin * s.abs()
         bounce = 1 - s * (4 / math.pi**2) * beta_over_sin * beta_over_sin * ratio
 
-        direct = (c1 + b * in_plane + c3 * out_of_plane * half_tangent) / math.pi
-        second = (0.17 / math.pi) * s2 / (s2 + 0.13) * bounce
-        return Term(("albedo",), direct), Term(("albedo", "albedo", "interreflection"), second)
+        direct = torch.cat([torch.ones_like(in_plane), in_plane, out_of_plane * half_tangent], dim=-1)
+        return (
+            mixture(("albedo",), direct, torch.stack([c1, b, c3], dim=-1) / math.pi),
+            mixture(("albedo", "albedo", "interreflection"), bounce, (0.17 / math.pi) * (s2 / (s2 + 0.13))[..., None]),
+        )

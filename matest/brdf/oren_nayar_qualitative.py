@@ -9,7 +9,7 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from matest.brdf.base import Brdf, Term
+from matest.brdf.base import Brdf, Term, mixture
 from matest.directions import Directions
 from matest.parameters import interval, parameter, unit_interval
 
@@ -28,9 +28,7 @@ class OrenNayarQualitative(Brdf):
     of the Lambert radiance (rms) and by half of it in the forward half-plane: fit and predict with the same one.
     """
 
-    albedo: Tensor = parameter(
-        unit_interval, unit="1", doc="facet albedo ρ", default=0.5, linear=True, per_channel=True
-    )
+    albedo: Tensor = parameter(unit_interval, unit="1", doc="facet albedo ρ", default=0.5, per_channel=True)
     sigma: Tensor = parameter(
         interval(0, math.pi / 2), unit="rad", doc="std. deviation of the facet slope angle", default=0.3
     )
@@ -44,4 +42,6 @@ class OrenNayarQualitative(Brdf):
         a = 1 - 0.5 * s2 / (s2 + 0.33)
         b = 0.45 * s2 / (s2 + 0.09)
         cos_beta = torch.maximum(directions.cos_i, directions.cos_o).clamp(min=1e-6)
-        return (Term(("albedo",), (a + b * directions.tangential.clamp(min=0) / cos_beta) / math.pi),)
+        backward = directions.tangential.clamp(min=0) / cos_beta
+        images = torch.cat([torch.ones_like(backward), backward], dim=-1)
+        return (mixture(("albedo",), images, torch.stack([a, b], dim=-1) / math.pi),)

@@ -35,7 +35,6 @@ class TorranceSparrow(Brdf):
         unit="1",
         doc="strength of the surface reflection ks",
         default=0.02,
-        linear=True,
         per_channel=True,
     )
     sigma: Tensor = parameter(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -10,11 +10,12 @@ import torch
 from torch import Tensor
 
 from matest.capture import Batch, Samples
-from matest.estimators.levenberg_marquardt import Solution, minimise
-from matest.estimators.linearise import Statistics, accumulate, single_threaded_torch
+from matest.estimators.levenberg_marquardt import Evaluate, Solution, minimise
+from matest.estimators.linearise import accumulate, in_memory, single_threaded_torch
 from matest.estimators.pilot import pilot
 from matest.estimators.problem import Problem
 from matest.estimators.search import search
+from matest.estimators.separable import compress, separates
 
 _PILOT, _SEARCH = 24_000, 4_000
 _REWEIGHTINGS = 2
@@ -32,7 +33,7 @@ def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = N
         batches: the samples.
         start: u [P] near the optimum; None: searched for globally, no initial guess is needed.
     """
-    tiles = [[partial(_itself, batch) for batch in batches]]
+    tiles = in_memory(batches)
     starts = [] if start is None else [start]
     if start is None:
         total = sum(len(batch) for batch in batches)
@@ -41,9 +42,7 @@ def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = N
         problem, starts = found.problem, found.starts()
 
     def descend(problem: Problem, start: Tensor, reference: Tensor | None) -> Solution:
-        def evaluate(unknowns: Tensor) -> Statistics:
-            return accumulate(problem, unknowns, tiles, reference)
-
+        evaluate = _passes(problem, tiles, start, reference)
         return minimise(problem, start, evaluate, passes=_PILOT_PASSES, tolerance=0.01)
 
     solutions = (descend(problem, start, None) for start in starts)
@@ -82,12 +81,8 @@ def fit(
     progress("searching")
     pilots = fit_batches(problem, pilot(samples, _PILOT, seed), start)
     reference = pilots.unknowns
-    tiles = AllTiles(samples)
-
-    def evaluate(unknowns: Tensor) -> Statistics:
-        progress("refining over all samples")
-        return accumulate(pilots.problem, unknowns, tiles, reference)
-
+    progress("refining over all samples")
+    evaluate = _passes(pilots.problem, AllTiles(samples), reference, reference)
     return minimise(pilots.problem, reference, evaluate, passes=_FULL_PASSES, tolerance=0.03)
 
 
@@ -102,5 +97,10 @@ class AllTiles:
             yield [partial(self.samples.bundled, pieces) for pieces in self.samples.bundles(position)]
 
 
-def _itself(batch: Batch) -> Batch:
-    return batch
+def _passes(
+    problem: Problem, tiles: Iterable[Sequence[Callable[[], Batch]]], origin: Tensor, reference: Tensor | None
+) -> Evaluate:
+    """Statistics at any unknowns near `origin`: by a pass each, or from a single one where the model separates."""
+    if separates(problem):
+        return compress(problem, tiles, origin, reference).statistics
+    return partial(accumulate, problem, tiles=tiles, reference=reference)

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields
+from functools import partial
 
 import torch
 from torch import Tensor
@@ -17,7 +18,7 @@ from matest.brdf import Term
 from matest.capture import Batch
 from matest.directions import Directions
 from matest.estimators.problem import Problem
-from matest.shader import gathered_light, interpolate, lit_directions, sky_nodes, sky_terms
+from matest.shader import check_sky, gathered_light, interpolate, lit_directions, sky_nodes, sky_terms
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ class Linearisation:
         terms, slopes = self._terms(directions, gathered.shape[:-1], batch.radiance)
         if cut:
             values = self._values_like(batch.radiance)
-            reflectance = sum(_product(values, factors) * shape for factors, shape in terms)
+            reflectance = sum(product(values, term.factors) * term.shape for term in terms)
             gathered = gathered * (torch.as_tensor(reflectance) >= 0)
 
         def gather(shapes: list[Tensor]) -> Tensor:
@@ -70,7 +71,7 @@ class Linearisation:
                 gathered_slopes[name] = gathered_slopes[name] + torch.stack(
                     [ambient * interpolate(part, cos_o) for part in parts]
                 )
-        return Basis([factors for factors, _ in terms], columns, gathered_slopes)
+        return Basis([term.factors for term in terms], columns, gathered_slopes)
 
     def _terms(
         self, directions: Directions, lead: torch.Size, like: Tensor
@@ -90,7 +91,7 @@ class Linearisation:
             values |= {name: leaves[source] for name, source in problem.ties.items() if source in leaves}
             terms = problem.brdf.replace(values).terms(directions)
             slopes: dict[str, list[Tensor]] = {name: [] for name in leaves}
-            for _, shape in terms if leaves else ():
+            for _, shape, *_ in terms if leaves else ():
                 found: tuple[Tensor | None, ...] = (None,) * len(leaves)
                 if shape.requires_grad:
                     found = torch.autograd.grad(
@@ -98,10 +99,11 @@ class Linearisation:
                     )
                 for name, slope in zip(leaves, found, strict=True):
                     slopes[name].append(like.new_zeros(1, 1, 1) if slope is None else slope)
-        return tuple(Term(factors, shape.detach()) for factors, shape in terms), slopes
+        return tuple(Term(term.factors, term.shape.detach()) for term in terms), slopes
 
     def _ambient(self, like: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
         if self._sky is None:
+            check_sky(self._problem.brdf)
             nodes = sky_nodes(like.dtype, like.device)
             lead = torch.Size((nodes.directions.cos_o.shape[0], nodes.weight.shape[1]))
             terms, slopes = self._terms(nodes.directions, lead, like)
@@ -138,32 +140,33 @@ class Linearisation:
             if name in basis.slopes:
                 jacobian.append(torch.einsum("kc,knc->nc", coefficients, basis.slopes[name]))
             else:
-                derivative = [_derivative(values, problem.ties, factors, name) for factors in basis.factors]
-                weights = torch.stack([torch.as_tensor(d).to(like).expand(like.shape[-1]) for d in derivative])
+                by_factor = [derivative(values, problem.ties, factors, name) for factors in basis.factors]
+                weights = torch.stack([torch.as_tensor(d).to(like).expand(like.shape[-1]) for d in by_factor])
                 jacobian.append(torch.einsum("kc,knc->nc", weights, basis.columns))
         return radiance, torch.stack(jacobian) if jacobian else like.new_zeros(0, *like.shape)
 
 
 def _coefficients(values: dict[str, Tensor], basis: Basis, like: Tensor) -> Tensor:
     """Coefficient of every term in every channel, [K, C]."""
-    return torch.stack([_product(values, factors).expand(like.shape[-1]) for factors in basis.factors])
+    return torch.stack([product(values, factors).expand(like.shape[-1]) for factors in basis.factors])
 
 
-def _product(values: dict[str, Tensor], factors: tuple[str, ...]) -> Tensor:
+def product(values: dict[str, Tensor], factors: tuple[str, ...]) -> Tensor:
+    """The product of some parameters."""
     out = torch.ones_like(next(iter(values.values())))
     for factor in factors:
         out = out * values[factor]
     return out
 
 
-def _derivative(
+def derivative(
     values: dict[str, Tensor], ties: Mapping[str, str], factors: tuple[str, ...], name: str
 ) -> Tensor | float:
     """Derivative of a product of parameters by one of them (and by those tied to it)."""
     total: Tensor | float = 0.0
     for position, factor in enumerate(factors):
         if factor == name or ties.get(factor) == name:
-            total = total + _product(values, factors[:position] + factors[position + 1 :])
+            total = total + product(values, factors[:position] + factors[position + 1 :])
     return total
 
 
@@ -288,6 +291,15 @@ def accumulate(
             for cluster, sums in itertools.chain.from_iterable(pool.map(work, group)):
                 statistics.add(cluster, sums)
     return statistics
+
+
+def in_memory(batches: Iterable[Batch]) -> list[list[Callable[[], Batch]]]:
+    """Batches that are already there, as the tiles of `accumulate`."""
+    return [[partial(_itself, batch) for batch in batches]]
+
+
+def _itself(batch: Batch) -> Batch:
+    return batch
 
 
 @contextmanager

@@ -11,8 +11,9 @@ from torch import Tensor
 
 from matest.capture import Batch
 from matest.estimators.linear import amplitudes
-from matest.estimators.linearise import Linearisation
+from matest.estimators.linearise import Linearisation, in_memory
 from matest.estimators.problem import Problem
+from matest.estimators.separable import coefficients, compress, separates
 
 # Nodes per shape parameter, at most so many in all.
 _NODES, _ALL_NODES = 15, 400
@@ -65,22 +66,8 @@ def search(problem: Problem, batches: list[Batch]) -> Search:
     """
     count = min(_NODES, int(_ALL_NODES ** (1 / max(len(problem.shapes), 1))))
     nodes = [_grid(problem, name, count) for name in problem.shapes]
-    weights = [batch.weight(batch.radiance) for batch in batches]
-    factors: list[tuple[str, ...]] = []
-    grams, moments = [], []
-    for combination in itertools.product(*nodes):
-        linearisation = Linearisation(problem, _with_shapes(problem, combination), derivatives=False)
-        gram, moment = torch.zeros(()), torch.zeros(())
-        for batch, weight in zip(batches, weights, strict=True):
-            basis = linearisation.basis(batch, cut=False)
-            factors = basis.factors
-            columns = basis.columns.permute(2, 0, 1).double()
-            weighted = columns * weight.T[:, None].double()
-            gram = gram + (weighted @ columns.mT).cpu()
-            moment = moment + (weighted @ batch.radiance.T[..., None].double())[..., 0].cpu()
-        grams.append(gram)
-        moments.append(moment)
-    gram, moment = torch.stack(grams), torch.stack(moments)
+    points = [_with_shapes(problem, combination) for combination in itertools.product(*nodes)]
+    factors, gram, moment = (_separated if separates(problem) else _evaluated)(problem, batches, points)
 
     trials: list[dict[str, Tensor]] = [{}]
     if problem.gauges:
@@ -99,6 +86,44 @@ def search(problem: Problem, batches: list[Batch]) -> Search:
         gauges={name: torch.stack([trial[name] for trial in trials])[best, pick] for name in problem.gauges},
         cost=torch.stack([cost for _, cost, _ in results])[best, pick],
     )
+
+
+Normal = tuple[list[tuple[str, ...]], Tensor, Tensor]
+
+
+def _evaluated(problem: Problem, batches: list[Batch], points: list[Tensor]) -> Normal:
+    """Factors of the T terms, their Gram matrices [G, C, T, T] and moments [G, C, T] at every point u [P]."""
+    weights = [batch.weight(batch.radiance) for batch in batches]
+    factors: list[tuple[str, ...]] = []
+    grams, moments = [], []
+    for unknowns in points:
+        linearisation = Linearisation(problem, unknowns, derivatives=False)
+        gram, moment = torch.zeros(()), torch.zeros(())
+        for batch, weight in zip(batches, weights, strict=True):
+            basis = linearisation.basis(batch, cut=False)
+            factors = basis.factors
+            columns = basis.columns.permute(2, 0, 1).double()
+            weighted = columns * weight.T[:, None].double()
+            gram = gram + (weighted @ columns.mT).cpu()
+            moment = moment + (weighted @ batch.radiance.T[..., None].double())[..., 0].cpu()
+        grams.append(gram)
+        moments.append(moment)
+    return factors, torch.stack(grams), torch.stack(moments)
+
+
+def _separated(problem: Problem, batches: list[Batch], points: list[Tensor]) -> Normal:
+    """The same from one evaluation of the images."""
+    total = compress(problem, in_memory(batches), None, None).total
+    factors: list[tuple[str, ...]] = []
+    grams, moments = [], []
+    for unknowns in points:
+        at = coefficients(problem, unknowns)
+        factors = at.factors
+        # Images to terms, [C, K, T].
+        weights = torch.stack([torch.block_diag(*rows).T for rows in zip(*at.weights, strict=True)])
+        grams.append(weights.mT @ total.gram @ weights)
+        moments.append((weights.mT @ total.moment[..., None])[..., 0])
+    return factors, torch.stack(grams), torch.stack(moments)
 
 
 def _grid(problem: Problem, name: str, count: int) -> list[float]:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from matest.brdf import MODELS, CookTorrance, Lambert, OrenNayar, Sum, TorranceSparrow, model
+from matest.brdf import MODELS, CookTorrance, Lambert, OrenNayar, Sum, TorranceSparrow, model, variants
 from matest.brdf.expression import number
 from matest.errors import InputError
-from tests.sampling import catalogue
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -19,7 +18,7 @@ def test_every_name_in_the_catalogue_is_its_model(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "expression", [*catalogue(), "oren-nayar+torrance-sparrow", "lambert+cook-torrance(masking=smith)"]
+    "expression", [*variants(), "oren-nayar+torrance-sparrow", "lambert+cook-torrance(masking=smith)"]
 )
 def test_expression_of_a_model_names_it_again(expression: str) -> None:
     assert model(expression)[0].expression == expression
