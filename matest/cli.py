@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import os
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Protocol
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 import matest
 from matest import arguments
+from matest.console import Say, console, note, print_json, progress
 from matest.errors import InputError
 
 if TYPE_CHECKING:
@@ -93,7 +91,7 @@ def estimate(
     outcomes: dict[str, Any] = {}
     for path, place in places.items():
         try:
-            with _progress(f"{path}") as say:
+            with progress(f"{path}") as say:
                 capture = _load(path, transfer, root, say)
                 found = matest.estimate(
                     capture, model, fix=constraints.fix, free=constraints.free, tie=constraints.tie,
@@ -130,19 +128,19 @@ def predict(
     folder = result if result.is_dir() else result.parent
     place = out or folder.with_name(f"{folder.name}-predict-{_name(capture)}")
     check_destination(place, "prediction.json")
-    with _progress(str(capture)) as say:
+    with progress(str(capture)) as say:
         loaded = _load(capture, transfer, None, say)
         say("shading")
         errors = image_errors(loaded, material)
         write_prediction(material, errors, loaded, place)
     if not loaded.relative and material_is_relative(result):
-        _note(f"the albedo in {result} is known up to a scale only, so brightness and errors here are off by that.")
+        note(f"the albedo in {result} is known up to a scale only, so brightness and errors here are off by that.")
     if as_json:
-        _print_json({"out": str(place), "relative_rmse": dict(zip(loaded.names, errors, strict=True))})
+        print_json({"out": str(place), "relative_rmse": dict(zip(loaded.names, errors, strict=True))})
         return
     from matest.report.tables import prediction_table
 
-    _console().print(prediction_table(errors, loaded.names), f"Written to {place}")
+    console().print(prediction_table(errors, loaded.names), f"Written to {place}")
 
 
 @app.command(epilog="Example: matest render renders/vase/scene.toml -o vase-capture")
@@ -157,10 +155,10 @@ def render(
     """
     from matest.simulate import simulate
 
-    with _progress(str(scene)) as say:
+    with progress(str(scene)) as say:
         folder = simulate(scene, out, lambda done, total: say("rendering images", done, total))
     if as_json:
-        _print_json({"out": str(folder)})
+        print_json({"out": str(folder)})
     else:
         typer.echo(f"Written to {folder}")
 
@@ -207,20 +205,20 @@ def compare(
     if as_json:
         figures = zip(found.names, found.rms, found.maximum, found.peak, strict=True)
         rows = [{"image": n, "rms": r, "maximum": m, "peak": p} for n, r, m, p in figures]
-        _print_json({"plot": str(plot), "csv": str(table), "images": rows})
+        print_json({"plot": str(plot), "csv": str(table), "images": rows})
         return
     from matest.report.tables import comparison_table
 
-    _console().print(comparison_table(found), f"Written to {plot} and {table}")
+    console().print(comparison_table(found), f"Written to {plot} and {table}")
 
 
 @app.command(epilog="Example: matest models")
 def models(as_json: Json = False) -> None:
     """List the reflectance models.
 
-    With their parameters, units, options and sources.
+    With their parameters, units, options and sources, and the named materials of the papers.
     """
-    from matest.brdf import MODELS
+    from matest.brdf import MODELS, PRESETS
     from matest.parameters import options_of, parameters_of
 
     if as_json:
@@ -228,14 +226,41 @@ def models(as_json: Json = False) -> None:
         for name, model in MODELS.items():
             parameters = {
                 key: {"unit": p.unit, "lower": p.domain.lower, "upper": _finite(p.domain.upper), "doc": p.doc}
+                | ({"when": dict(p.when)} if p.when else {})
                 for key, p in parameters_of(model).items()
             }
             catalogue[name] = {"source": model.source, "parameters": parameters, "options": options_of(model)}
-        _print_json(catalogue)
+        print_json(catalogue)
         return
-    from matest.report.tables import models_table
+    from matest.report.tables import models_table, presets_table
 
-    _console().print(models_table(MODELS))
+    console().print(models_table(MODELS), presets_table(PRESETS))
+
+
+@app.command(epilog="Example: matest benchmark --suite stress --quick")
+def benchmark(
+    suite: Annotated[
+        str, typer.Option(metavar="NAME,...", help="Only these: models, stress (default: all).", show_default=False)
+    ] = "",
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer points; compile nothing.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Measure the run time and the numerical soundness of the reflectance models.
+
+    models: values and gradients at a million pairs of directions, against one element-wise pass. stress: non-finite
+    results at ten million adversarial points a model, and float32 against float64. With --json one line a figure.
+    """
+    from matest.benchmark import suites
+
+    for name, chosen in suites(suite).items():
+        records = []
+        with progress(name) as say:
+            for record in chosen.run(quick, say):
+                records.append(record)
+                if as_json:
+                    print_json(record.to_dict())
+        if not as_json:
+            console().print(chosen.table(records))
 
 
 @app.callback(invoke_without_command=True)
@@ -247,14 +272,14 @@ def _root(
         raise typer.Exit
 
 
-def _load(path: Path, transfer: str | None, root: Path | None, say: _Say) -> Capture:
-    def progress(done: int, total: int) -> None:
+def _load(path: Path, transfer: str | None, root: Path | None, say: Say) -> Capture:
+    def count(done: int, total: int) -> None:
         say("reading images", done, total)
 
-    return matest.load_capture(path, transfer=arguments.transfer(transfer), root=root, progress=progress)
+    return matest.load_capture(path, transfer=arguments.transfer(transfer), root=root, progress=count)
 
 
-def _write(found: Estimate, capture: Capture, place: Path, say: _Say) -> Estimate:
+def _write(found: Estimate, capture: Capture, place: Path, say: Say) -> Estimate:
     from matest.report.folder import write_result
 
     provenance = {
@@ -268,19 +293,19 @@ def _write(found: Estimate, capture: Capture, place: Path, say: _Say) -> Estimat
 def _report_estimates(outcomes: dict[str, Any], places: dict[Path, Path], as_json: bool) -> None:
     if as_json:
         plain = {k: {"error": v} if isinstance(v, str) else v.to_dict() for k, v in outcomes.items()}
-        _print_json(next(iter(plain.values())) if len(plain) == 1 else plain)
+        print_json(next(iter(plain.values())) if len(plain) == 1 else plain)
         return
     from matest.report.tables import estimate_table, summary_table
 
-    console = _console()
+    terminal = console()
     for place, outcome in zip(places.values(), outcomes.values(), strict=True):
         if isinstance(outcome, str):
             typer.echo(f"matest: {outcome}", err=True)
         else:
-            console.print(estimate_table(outcome))
-            console.print(f"Result in {place} (open {place / 'report.html'})", soft_wrap=True)
+            terminal.print(estimate_table(outcome))
+            terminal.print(f"Result in {place} (open {place / 'report.html'})", soft_wrap=True)
     if len(outcomes) > 1:
-        console.print(summary_table(outcomes))
+        terminal.print(summary_table(outcomes))
 
 
 def _places(captures: list[Path], out: Path | None) -> dict[Path, Path]:
@@ -303,45 +328,6 @@ def _folder(capture: Path) -> Path:
 
 def _name(capture: Path) -> str:
     return os.path.basename(os.path.abspath(_folder(capture)))
-
-
-class _Say(Protocol):
-    """Tells what is being done, and how much of it."""
-
-    def __call__(self, word: str, done: int | None = None, total: int | None = None) -> None: ...
-
-
-@contextmanager
-def _progress(title: str) -> Iterator[_Say]:
-    """A progress bar with a word on what is being done; nothing in a pipe."""
-    if not sys.stderr.isatty():
-        yield lambda *_: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    columns = (SpinnerColumn(), BarColumn(bar_width=20), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(title, total=None)
-
-        def say(word: str, done: int | None = None, total: int | None = None) -> None:
-            progress.update(task, description=f"{title}: {word}", completed=done or 0, total=total)
-
-        yield say
-
-
-def _console():  # type: ignore[no-untyped-def]
-    from rich.console import Console
-
-    return Console(highlight=False)
-
-
-def _print_json(content: Any) -> None:
-    typer.echo(json.dumps(content, ensure_ascii=False))
-
-
-def _note(text: str) -> None:
-    print(f"matest: note: {text}", file=sys.stderr)
 
 
 def _fail(text: str, code: int) -> None:

@@ -18,7 +18,7 @@ import numpy as np
 import tomli_w
 import torch
 
-from matest.brdf import Brdf, model
+from matest.brdf import Brdf, model, preset
 from matest.capture import schema
 from matest.capture.assembly import Folder, build_encoding, build_scene, build_surface
 from matest.capture.capture import capture_file, references
@@ -132,12 +132,19 @@ def simulate(
 
 
 def _material(table: dict[str, Any], label: str) -> Brdf:
-    """The model of a [material] table: parameters by name, by path, or in a table per component."""
+    """The model of a [material] table: a preset, or parameters by name, by path, or in a table per component."""
     values = dict(table)
-    expression = values.pop("model", None)
-    if not isinstance(expression, str):
-        raise InputError(f"{label}: [material] needs model = \"NAME\"; 'matest models' lists the names.")
+    expression, name = values.pop("model", None), values.pop("preset", None)
+    if not isinstance(expression if name is None else name, str) or (expression is not None and name is not None):
+        raise InputError(
+            f'{label}: [material] needs model = "NAME" or preset = "NAME"; \'matest models\' lists the names.'
+        )
     try:
+        if name is not None:
+            known = preset(name, values.pop("f0", None))
+            if values:
+                raise InputError(f"a preset takes no other parameter than f0; got {', '.join(values)}.")
+            return known
         brdf, fixed = model(expression)
         flat: dict[str, Any] = dict(fixed)
         for key, value in values.items():

@@ -12,6 +12,7 @@ from matest.brdf.oren_nayar import OrenNayar
 from matest.brdf.oren_nayar_exact import OrenNayarExact
 from matest.brdf.oren_nayar_qualitative import OrenNayarQualitative
 from matest.brdf.oren_nayar_single_slope import OrenNayarSingleSlope
+from matest.brdf.presets import PRESETS, preset
 from matest.brdf.torrance_sparrow import TorranceSparrow
 from matest.parameters import options_of
 
@@ -53,6 +54,7 @@ def variants() -> list[str]:
 
 __all__ = [
     "MODELS",
+    "PRESETS",
     "Brdf",
     "CookTorrance",
     "Eon",
@@ -66,5 +68,6 @@ __all__ = [
     "Term",
     "TorranceSparrow",
     "model",
+    "preset",
     "variants",
 ]

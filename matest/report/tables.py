@@ -10,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from matest.brdf import Brdf
+from matest.brdf.presets import Preset
 from matest.parameters import options_of, parameters_of
 from matest.profiles import Comparison
 from matest.report.format import channel_names, rows, share
@@ -61,21 +62,34 @@ def summary_table(estimates: Mapping[str, Estimate | str]) -> Table:
     return table
 
 
-def models_table(models: Mapping[str, type[Brdf]]) -> Table:
+def models_table(models: Mapping[str, type[Brdf]]) -> Group:
     """The catalogue: every model with its parameters, units, domains, options and source."""
-    table = Table(box=SIMPLE_HEAD)
-    table.add_column("model", no_wrap=True)
-    table.add_column("parameter", no_wrap=True)
-    table.add_column("range", no_wrap=True)
-    table.add_column("meaning")
+    parts: list[Text | Table] = []
     for name, model in models.items():
-        table.add_row(Text(name, style="bold"), "", "", Text(model.source, style="dim"))
+        parts.append(Text.assemble((name, "bold"), (f"  {model.source}", "dim")))
+        table = Table(box=None, show_header=False, padding=(0, 1), pad_edge=False)
+        for width in (20, 14, None):
+            table.add_column(min_width=width)
         for parameter, declared in parameters_of(model).items():
             unit = "" if declared.unit == "1" else f" {declared.unit}"
-            held = f" (held at {declared.held:g} unless determined)" if declared.held is not None else ""
-            table.add_row("", parameter, f"{declared.domain}{unit}", declared.doc + held)
+            meaning = declared.doc + (f"; held at {declared.held:g} unless determined" if declared.held else "")
+            for option, values in declared.when.items():
+                meaning += f"; with {option} = {' | '.join(values)}"
+            table.add_row(f"  {parameter}", f"{declared.domain}{unit}", Text(meaning))
         for option, choices in options_of(model).items():
-            table.add_row("", f"{option} =", "", " | ".join(choices))
+            table.add_row(f"  {option} =", "", " | ".join(choices))
+        parts += [table, Text()]
+    return Group(*parts)
+
+
+def presets_table(presets: Mapping[str, Preset]) -> Table:
+    """Named materials of the papers."""
+    title = Text('Materials of the papers: preset = "NAME" under [material] in a scene')
+    table = Table(box=SIMPLE_HEAD, title=title, title_justify="left")
+    for column in ("preset", "material", "source"):
+        table.add_column(column)
+    for name, preset in presets.items():
+        table.add_row(name, preset.doc + ("; give f0" if preset.needs_f0 else ""), preset.source)
     return table
 
 

@@ -117,6 +117,10 @@ class Mesh:
         distance[hit] = np.einsum("ij,ij->i", corner - origins[hit], normal) / np.where(toward == 0, -1e-12, toward)
         return faces, distance
 
+    def blocked(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        """Whether each ray meets any triangle."""
+        return np.asarray(self._rays.intersects_any(origins, directions))
+
     def interpolated_normals(self, faces: np.ndarray, positions: np.ndarray) -> np.ndarray:
         """Unit normals [N, 3], smooth-shaded: normals of the corners weighted by barycentric coordinates."""
         import trimesh

@@ -14,7 +14,7 @@ from matest.directions import to_local
 from matest.scene.lights import Light
 from matest.scene.points import Points
 from matest.scene.surface import Surface
-from matest.scene.visibility import cast_shadows, shadow_edges
+from matest.scene.visibility import cast_shadows, shadow_edges, unoccluded_fraction
 
 
 @dataclass(frozen=True)
@@ -27,6 +27,7 @@ class Scene:
         ambient: ambient radiance of each image, [K, C].
         shadows: per image, lights × pixels, True where the light is blocked; None where nothing can block it.
         shadow_edge: per image, pixels on the edge of a cast shadow; None likewise.
+        unoccluded: share of an even sky that each pixel sees, [N]; None where it is 1, or there is no ambient light.
     """
 
     surface: Surface
@@ -34,6 +35,7 @@ class Scene:
     ambient: Tensor
     shadows: tuple[np.ndarray | None, ...] = ()
     shadow_edge: tuple[np.ndarray | None, ...] = ()
+    unoccluded: np.ndarray | None = None
 
     @property
     def channels(self) -> int:
@@ -43,7 +45,7 @@ class Scene:
         return len(self.lights)
 
     def with_shadows(self) -> Scene:
-        """The same scene with its cast shadows traced."""
+        """The same scene with its cast shadows traced, and the sky that each pixel sees if there is ambient light."""
 
         def trace(lights: tuple[Light, ...]) -> tuple[np.ndarray | None, np.ndarray | None]:
             traced = [cast_shadows(self.surface, light) for light in lights]
@@ -54,7 +56,12 @@ class Scene:
 
         with ThreadPoolExecutor() as pool:
             results = list(pool.map(trace, self.lights))
-        return dataclasses.replace(self, shadows=tuple(r[0] for r in results), shadow_edge=tuple(r[1] for r in results))
+        return dataclasses.replace(
+            self,
+            shadows=tuple(r[0] for r in results),
+            shadow_edge=tuple(r[1] for r in results),
+            unoccluded=unoccluded_fraction(self.surface) if bool((self.ambient > 0).any()) else None,
+        )
 
     def points(
         self,
@@ -76,10 +83,12 @@ class Scene:
             lit = [(toward, power * ~dark[:, None]) for (toward, power), dark in zip(lit, blocked, strict=True)]
         local = to_local(normals, view.to(device, dtype), *(toward for toward, _ in lit))
         none = normals.new_zeros(1, 0, 3), normals.new_zeros(1, 0, self.channels)
-        ambient = self.ambient[image]
+        ambient = self.ambient[image].to(device, dtype)[None]
+        if self.unoccluded is not None:
+            ambient = ambient * torch.from_numpy(self.unoccluded)[index].to(device, dtype)[:, None]
         return Points(
             wi=torch.stack(local[1:], dim=-2) if lit else none[0],
             wo=local[0],
             irradiance=torch.stack(torch.broadcast_tensors(*(power for _, power in lit)), dim=-2) if lit else none[1],
-            ambient=ambient.to(device, dtype)[None] if bool((ambient > 0).any()) else None,
+            ambient=ambient if bool((self.ambient[image] > 0).any()) else None,
         )

@@ -2,12 +2,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import torch
 import trimesh
 from scipy.ndimage import binary_dilation, binary_erosion
 
 from matest.scene import Camera, Mesh, Scene, Surface
 from matest.scene.surface import from_mesh, from_sphere
-from matest.scene.visibility import cast_shadows, shadow_edges
+from matest.scene.visibility import cast_shadows, shadow_edges, unoccluded_fraction
 from tests.captures import directional, point, scene_of
 
 HEIGHT = 0.7
@@ -52,6 +53,34 @@ def test_the_shadow_of_a_plate_is_its_projection(plate_above_plane, light):
     assert expected.sum() > 100
     np.testing.assert_array_equal(shadow[~doubtful], expected[~doubtful])
     assert doubtful.mean() < 0.01
+
+
+def test_the_sky_that_a_point_under_a_plate_sees_is_one_minus_the_form_factor_of_the_plate(plate_above_plane):
+    free = unoccluded_fraction(plate_above_plane)
+    positions = plate_above_plane.positions.numpy()
+    # Form factor of a rectangle parallel to the surface element, from its four corners.
+    blocked = np.zeros(len(positions))
+    for x, y, sign in ((HALF, HALF, 1), (HALF, -HALF, -1), (-HALF, HALF, -1), (-HALF, -HALF, 1)):
+        a, b = (x - positions[:, 0]) / HEIGHT, (y - positions[:, 1]) / HEIGHT
+        ra, rb = np.sqrt(1 + a * a), np.sqrt(1 + b * b)
+        blocked += sign * (a / ra * np.arctan(b / ra) + b / rb * np.arctan(a / rb)) / (2 * np.pi)
+    below = positions[:, 2] < HEIGHT / 2
+    assert blocked[below].max() > 0.2
+    np.testing.assert_allclose(free[below].mean(), 1 - blocked[below].mean(), atol=5e-4)
+    assert np.sqrt(np.mean((free[below] - 1 + blocked[below]) ** 2)) < 0.015
+    assert (free[~below] == 1).all()
+
+
+def test_the_sky_is_counted_only_where_it_shines_and_something_can_block_it(plate_above_plane):
+    light = (directional((0.0, 0.0, 1.0)),)
+    dark = Scene(plate_above_plane, (light,), torch.zeros(1, 1, dtype=torch.float64)).with_shadows()
+    assert dark.unoccluded is None
+    lit = Scene(plate_above_plane, (light,), torch.full((1, 1), 0.5, dtype=torch.float64)).with_shadows()
+    some = slice(100, 200)
+    expected = 0.5 * torch.from_numpy(unoccluded_fraction(plate_above_plane))[some, None]
+    torch.testing.assert_close(lit.points(0, some).ambient, expected)
+    sphere = from_sphere((20, 20), (10.0, 10.0), 8.0, None)
+    assert unoccluded_fraction(sphere) is None
 
 
 def test_the_plate_itself_is_lit(plate_above_plane):

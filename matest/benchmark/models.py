@@ -1,0 +1,118 @@
+"""Run time of every model: value, and value with the gradient by its parameters."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable, Iterator
+
+import torch
+from torch import Tensor
+
+from matest.benchmark.passes import Pass, element_wise, heavy, product, seconds
+from matest.benchmark.record import Progress, Record
+from matest.brdf import MODELS, Brdf, model, variants
+
+PAIRS, PAIRS_QUICK = 1_000_000, 100_000
+# Where the time levels off: smaller tiles pay for the calls and stay below the size that torch spreads over threads.
+TILE = 65_536
+# Targets: gradient against value, and a value of Cook-Torrance against the element-wise passes it needs.
+GRADIENT_LIMIT, PASS_LIMIT, PASS_LIMIT_OF = 4.0, 3.0, "cook-torrance"
+
+Evaluate = Callable[[Tensor, Tensor], Tensor]
+
+
+def run(quick: bool, progress: Progress) -> Iterator[Record]:
+    """Records of every model and every choice of its options, in float32 and with as many threads as torch takes."""
+    pairs = PAIRS_QUICK if quick else PAIRS
+    yield Record("models", "all", "threads", torch.get_num_threads(), "1", "higher")
+    expressions = variants()
+    for number, expression in enumerate(expressions):
+        progress(expression, number, len(expressions))
+        yield from measure(expression, pairs, compiled=not quick and expression in MODELS)
+
+
+def measure(expression: str, pairs: int, compiled: bool) -> Iterator[Record]:
+    """Time one model on random directions above the horizon, with scalar parameters that record derivatives.
+
+    Times are given per pair of directions and as a multiple of `product`, cut into the same tiles: once tile by tile,
+    once with all pairs in one call, once compiled. `compiled` asks for the last. Sums over many facets are timed on a
+    tenth of the pairs, tile by tile only: they hold hundreds of numbers for each pair.
+    """
+    brdf = model(expression)[0]
+    leaves = {name: value.float().requires_grad_() for name, value in brdf.parameters.items()}
+    brdf = brdf.replace(leaves)
+    whole = not heavy(brdf)
+    modes = {"tiled": TILE, "one call": pairs} if whole else {"tiled": TILE}
+    n = pairs if whole else pairs // 10
+    wi, wo = _directions(n)
+
+    yield Record("models", expression, "pairs", n, "1", "higher")
+    for mode, tile in modes.items():
+        times = seconds(product(n, tile), _forward(brdf, wi, wo, tile), _both(brdf, wi, wo, tile))
+        yield from _times(expression, mode, times, n, GRADIENT_LIMIT)
+        if mode == "tiled":
+            yield from _passes(expression, brdf, wi[:TILE], wo[:TILE], times[0] / n, times[1] / n)
+    if compiled and whole:
+        yield from _compiled(expression, brdf, wi, wo)
+
+
+def _times(expression: str, mode: str, times: list[float], n: int, limit: float | None) -> Iterator[Record]:
+    one_pass, forward, both = times
+    for metric, time in (("forward", forward), ("forward + backward", both)):
+        yield Record("models", expression, f"{mode} {metric}", time / one_pass, "pass")
+        yield Record("models", expression, f"{mode} {metric} time", 1e9 * time / n, "ns")
+    yield Record("models", expression, f"{mode} gradient", both / forward, "forward", limit=limit)
+
+
+def _passes(expression: str, brdf: Brdf, wi: Tensor, wo: Tensor, one_pass: float, forward: float) -> Iterator[Record]:
+    """A value against the element-wise passes it needs: counted, and each timed by itself on the same numbers."""
+    written, own = element_wise(lambda: brdf(wi, wo))
+    passes = written / len(wi)
+    limit = PASS_LIMIT if brdf.name == PASS_LIMIT_OF else None
+    yield Record("models", expression, "passes", passes, "1")
+    yield Record("models", expression, "time per pass", forward / (passes * one_pass), "pass", limit=limit)
+    yield Record("models", expression, "time of its own passes", forward * len(wi) / own, "1", limit=limit)
+
+
+def _compiled(expression: str, brdf: Brdf, wi: Tensor, wo: Tensor) -> Iterator[Record]:
+    compiler = os.environ.get("CXX", "g++")
+    if shutil.which(compiler) is None:
+        note = f"no C++ compiler here: {compiler}."
+    else:
+        torch.compiler.reset()
+        evaluate = torch.compile(brdf.__call__)
+        n = len(wi)
+        try:
+            times = seconds(product(n, n), _forward(evaluate, wi, wo, n), _both(evaluate, wi, wo, n))
+        except RuntimeError as error:
+            note = f"torch.compile failed: {str(error).splitlines()[0]}"
+        else:
+            yield from _times(expression, "compiled", times, n, None)
+            return
+    yield Record("models", expression, "compiled forward", None, "pass", note=note)
+
+
+def _forward(evaluate: Evaluate, wi: Tensor, wo: Tensor, tile: int) -> Pass:
+    def run() -> None:
+        with torch.no_grad():
+            for light, view in zip(wi.split(tile), wo.split(tile), strict=True):
+                evaluate(light, view)
+
+    return run
+
+
+def _both(evaluate: Evaluate, wi: Tensor, wo: Tensor, tile: int) -> Pass:
+    def run() -> None:
+        for light, view in zip(wi.split(tile), wo.split(tile), strict=True):
+            evaluate(light, view).sum().backward()
+
+    return run
+
+
+def _directions(n: int) -> tuple[Tensor, Tensor]:
+    """Random unit vectors [n, 3] above the horizon."""
+    vectors = torch.randn(2, n, 3, generator=torch.Generator().manual_seed(0))
+    vectors[..., 2].abs_()
+    wi, wo = torch.nn.functional.normalize(vectors, dim=-1)
+    return wi, wo

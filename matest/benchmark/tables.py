@@ -1,0 +1,100 @@
+"""The records of a suite as a table that fits 80 columns."""
+
+from __future__ import annotations
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Group
+from rich.table import Table
+from rich.text import Text
+
+from matest.benchmark import models, precision, stress
+from matest.benchmark.record import Record
+
+_METRICS = ("forward time", "forward", "forward + backward time", "forward + backward", "gradient")
+_PASSES = ("passes", "time per pass", "time of its own passes")
+
+
+def models_table(records: list[Record]) -> Group:
+    """Times of every model: tile by tile, in one call, compiled; then its element-wise passes."""
+    cases = _by_case(records)
+    threads = cases.pop("all")["threads"].value
+    times = _table("", "forward\nns", "forward\npasses", "+backward\nns", "+backward\npasses", "ratio")
+    passes = _table("", "passes", "time\nper pass", "time /\nown passes")
+    for case, found in cases.items():
+        times.add_row(_name(case))
+        for mode in ("tiled", "one call", "compiled"):
+            row = [found.get(f"{mode} {metric}") for metric in _METRICS]
+            if any(row):
+                times.add_row(f"  {mode}", *map(_figure, row))
+        passes.add_row(_name(case), *(_figure(found[metric]) for metric in _PASSES))
+    pairs = max(found["pairs"].value or 0 for found in cases.values())
+    about = (
+        f"{pairs:,} pairs of directions (a tenth for sums over facets), float32, threads: {threads}. "
+        "Per pair: forward is the value, +backward also its gradient by the parameters, ratio the second to the first. "
+        f"A pass is one element-wise product of two tensors, in the same tiles of {models.TILE:,} (tiled) or whole."
+    )
+    legend = (
+        "Passes: numbers that operations write, per pair. Time per pass: tiled forward / (passes × the pass above). "
+        "Own passes: the time of the same operations alone."
+    )
+    return Group(Text(about), "", times, "", Text(legend), "", passes, *_notes(records))
+
+
+def stress_table(records: list[Record]) -> Group:
+    """Non-finite results of every model in both precisions, the error of float32, and where the failures were."""
+    cases = _by_case(records)
+    table = _table("non-finite", *(kind.replace(" derivatives", "") for kind in stress.KINDS), "float32\nerror")
+    for case, found in cases.items():
+        table.add_row(_name(case))
+        for dtype in ("float32", "float64"):
+            counts = [found[f"{dtype} non-finite {kind}"] for kind in stress.KINDS]
+            error = [found["float32 error"]] if dtype == "float32" else []
+            table.add_row(f"  {dtype}", *map(_figure, [*counts, *error]))
+    points = max(found["points"].value or 0 for found in cases.values())
+    shares = ", ".join(
+        f"{kind.removesuffix(' derivatives')} at 1 in {share}" for kind, (_, share) in stress.KINDS.items() if share > 1
+    )
+    about = (
+        f"{points:,} adversarial points a model, a tenth for sums over facets ({shares}): how many gave anything not "
+        f"finite. Error of float32 against float64 as a multiple of the one allowed: {precision.RELATIVE:g} relative "
+        f"or {precision.OF_PEAK:g} of the peak."
+    )
+    return Group(Text(about), "", table, *_notes(records))
+
+
+def _by_case(records: list[Record]) -> dict[str, dict[str, Record]]:
+    cases: dict[str, dict[str, Record]] = {}
+    for record in records:
+        cases.setdefault(record.case, {})[record.metric] = record
+    return cases
+
+
+def _table(first: str, *columns: str) -> Table:
+    table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
+    table.add_column(first, no_wrap=True)
+    for column in columns:
+        table.add_column(column, justify="right", no_wrap=True)
+    return table
+
+
+def _name(case: str) -> Text:
+    """The expression of a model, its options on a line of their own."""
+    return Text(case.replace("(", "\n  (", 1), style="bold")
+
+
+def _figure(record: Record | None) -> Text:
+    if record is None or record.value is None:
+        return Text("")
+    whole = isinstance(record.value, int) or 100 <= record.value < 1e6
+    return Text(f"{record.value:,.0f}" if whole else f"{record.value:.3g}", style="red" if record.misses else "")
+
+
+def _notes(records: list[Record]) -> list[Text]:
+    """What missed its limit, and where; and what could not be measured."""
+    lines = [Text("")]
+    for record in records:
+        if record.misses or record.value is None:
+            target = f" = {record.value:.4g}, limit {record.limit:g}" if record.misses else ""
+            lines.append(Text(f"{record.case}: {record.metric}{target}", style="red"))
+            lines += [Text(f"  {line}") for line in record.note.splitlines()]
+    return lines

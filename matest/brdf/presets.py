@@ -1,0 +1,117 @@
+"""Named parameter sets of the papers: their samples and vases, ready to render."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+from torch import Tensor
+
+from matest.brdf.base import Brdf
+from matest.brdf.cook_torrance import CookTorrance
+from matest.brdf.oren_nayar import OrenNayar
+from matest.brdf.oren_nayar_exact import OrenNayarExact
+from matest.brdf.torrance_sparrow import TorranceSparrow
+from matest.errors import InputError, nearest
+from matest.spectra import VISIBLE, metal_colour, normal_reflectance, optical_constants
+
+
+class Preset(NamedTuple):
+    """A material of a paper.
+
+    Attributes:
+        doc: what it is.
+        source: where its parameters stand.
+        build: makes the model; takes the reflectance at normal incidence where the paper does not give it.
+        needs_f0: whether it takes that.
+    """
+
+    doc: str
+    source: str
+    build: Callable[..., Brdf]
+    needs_f0: bool = False
+
+
+def preset(name: str, f0: float | Sequence[float] | Tensor | None = None) -> Brdf:
+    """The material of that name.
+
+    Args:
+        name: a key of `PRESETS`.
+        f0: reflectance at normal incidence, one value or one per channel; for the nonmetals of Cook and Torrance's
+            Table I, whose spectra are not published with it, and for no other preset.
+
+    Raises:
+        InputError: an unknown name, `f0` missing or not wanted, a metal whose optical constants are not installed.
+    """
+    if name not in PRESETS:
+        raise InputError(f"unknown preset '{name}'; {nearest(name, PRESETS)}")
+    chosen = PRESETS[name]
+    if chosen.needs_f0:
+        if f0 is None:
+            raise InputError(
+                f"preset '{name}' needs f0, the reflectance at normal incidence: the paper gives its weights and slope "
+                "but not its spectrum."
+            )
+        return chosen.build(f0)
+    if f0 is not None:
+        raise InputError(f"preset '{name}' has a reflectance of its own; leave out f0.")
+    return chosen.build()
+
+
+def _of(kind: type[Brdf], **values: Any) -> Brdf:
+    return kind(**values)
+
+
+def _rough(albedo: float, sigma: float, sheen: float) -> Brdf:
+    """Body and surface of the same slopes; `sheen` = ks/kb with kb = 1."""
+    spread = math.radians(sigma)
+    return _of(OrenNayar, albedo=albedo, sigma=spread) + _of(TorranceSparrow, specular=sheen, sigma=spread)
+
+
+def average_reflectance(metal: str) -> float:
+    """Reflectance of a metal at normal incidence, averaged over the visible wavelengths: `f0_mean`."""
+    return float(normal_reflectance(*optical_constants(metal).at(VISIBLE)).mean())
+
+
+def _copper_vase() -> Brdf:
+    colour = metal_colour("copper").clamp(max=1).tolist()
+    average = average_reflectance("copper")
+    return _of(
+        CookTorrance, diffuse=0.0, specular=1.0, slope=0.4, slope_2=0.2, weight_2=0.6, f0=colour, f0_mean=average,
+        lobes="2", fresnel="colour-shift",
+    )  # fmt: skip
+
+
+def _plastic_vase() -> Brdf:
+    colour = metal_colour("copper").clamp(max=1).tolist()
+    return _of(CookTorrance, diffuse=colour, specular=0.1, slope=0.15, f0=0.04, weights="complementary")
+
+
+def _nonmetal(specular: float, slope: float) -> Callable[..., Brdf]:
+    def build(f0: float | Sequence[float] | Tensor) -> Brdf:
+        return _of(CookTorrance, diffuse=f0, specular=specular, slope=slope, f0=f0, weights="complementary")
+
+    return build
+
+
+_ON94 = "Oren & Nayar 1994, "
+_CT82 = "Cook & Torrance 1982, "
+
+PRESETS: dict[str, Preset] = {
+    "plaster": Preset("sample A", _ON94 + "fig. 8", lambda: _of(OrenNayarExact, albedo=0.90, sigma=math.radians(30))),
+    "sand": Preset("sample B", _ON94 + "fig. 9", lambda: _of(OrenNayarExact, albedo=0.80, sigma=math.radians(35))),
+    "foam": Preset("sample C", _ON94 + "fig. 10", lambda: _rough(0.80, 20, 0.019)),
+    "towel": Preset("sample D, cloth", _ON94 + "fig. 11", lambda: _rough(0.75, 42, 0.085)),
+    "clay-vase": Preset(
+        "the clay vase", _ON94 + "fig. 12-13", lambda: _of(OrenNayar, albedo=0.70, sigma=math.radians(40))
+    ),
+    "copper-vase": Preset("two lobes, colour shift", _CT82 + "fig. 6b", _copper_vase),
+    "plastic-vase": Preset("copper-coloured plastic", _CT82 + "fig. 6a", _plastic_vase),
+    "carbon": Preset("s 0.3, d 0.7, m 0.40", _CT82 + "Table I", _nonmetal(0.3, 0.40), needs_f0=True),
+    "rubber": Preset("s 0.4, d 0.6, m 0.30", _CT82 + "Table I", _nonmetal(0.4, 0.30), needs_f0=True),
+    "obsidian": Preset("s 0.8, d 0.2, m 0.15", _CT82 + "Table I", _nonmetal(0.8, 0.15), needs_f0=True),
+    "lunar-dust": Preset("s 0, d 1", _CT82 + "Table I", _nonmetal(0.0, 0.5), needs_f0=True),
+    "olive-drab": Preset("s 0.3, d 0.7, m 0.50", _CT82 + "Table I", _nonmetal(0.3, 0.50), needs_f0=True),
+    "rust": Preset("s 0.2, d 0.8, m 0.35", _CT82 + "Table I", _nonmetal(0.2, 0.35), needs_f0=True),
+}

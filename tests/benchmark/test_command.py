@@ -1,0 +1,97 @@
+"""`matest benchmark` as people and scripts use it."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import pytest
+
+from matest import benchmark, cli
+from matest.benchmark import models, passes, stress
+from matest.benchmark.record import Record
+
+FIELDS = {"suite": str, "case": str, "metric": str, "unit": str, "better": str}
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]):
+    """Run `matest benchmark ARGUMENTS` on two models, small: exit code, standard output, standard error."""
+    monkeypatch.setattr(models, "PAIRS_QUICK", 1000)
+    monkeypatch.setattr(stress, "POINTS_QUICK", 1000)
+    monkeypatch.setattr(passes, "SPELL", 0.0)
+    monkeypatch.setenv("COLUMNS", "80")
+    for suite in (models, stress):
+        monkeypatch.setattr(suite, "variants", lambda: ["lambert", "cook-torrance(normalisation=paper1982)"])
+
+    def invoke(*arguments: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["matest", "benchmark", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        out, err = capfd.readouterr()
+        return int(ended.value.code or 0), out, err
+
+    return invoke
+
+
+def test_json_is_one_record_a_line(run) -> None:
+    code, out, err = run("--quick", "--json")
+    assert (code, err) == (0, "")
+    records = [json.loads(line) for line in out.splitlines()]
+    assert {record["suite"] for record in records} == set(benchmark.SUITES)
+    for record in records:
+        assert set(record) == {*FIELDS, "value", "limit"}
+        assert all(isinstance(record[name], kind) for name, kind in FIELDS.items())
+        assert isinstance(record["value"], (int, float))
+        assert record["limit"] is None or isinstance(record["limit"], (int, float))
+        assert record["better"] in ("lower", "higher")
+    names = [(record["suite"], record["case"], record["metric"]) for record in records]
+    assert len(set(names)) == len(names)
+
+
+@pytest.mark.parametrize("suite", benchmark.SUITES)
+def test_tables_fit_an_eighty_column_terminal_and_cut_nothing_off(run, suite: str) -> None:
+    code, out, err = run("--quick", "--suite", suite)
+    assert (code, err) == (0, "")
+    assert "cook-torrance" in out
+    assert "paper1982" in out
+    assert "…" not in out
+    assert max(len(line.rstrip()) for line in out.splitlines()) <= 80
+
+
+@pytest.mark.parametrize(("given", "hint"), [("stres", "did you mean 'stress'?"), ("models,speed", "known are models")])
+def test_unknown_suite_gets_one_sentence_and_exit_2(run, given: str, hint: str) -> None:
+    code, out, err = run("--suite", given)
+    assert code == 2
+    assert out == ""
+    assert len(err.splitlines()) == 1
+    assert hint in err
+
+
+def test_help_has_an_example_and_names_every_suite(run) -> None:
+    code, out, _ = run("--help")
+    assert code == 0
+    assert "Example: matest benchmark" in out
+    assert all(name in out for name in benchmark.SUITES)
+
+
+def test_what_misses_its_limit_is_told_with_its_place(run, monkeypatch: pytest.MonkeyPatch) -> None:
+    def examine(brdf: object, points: int, progress: object) -> list[Record]:
+        found = stress_examine(brdf, points, progress)
+        return [*found[:-1], Record("stress", found[-1].case, "float32 error", 1e30, "1", limit=1, note="wi = here")]
+
+    stress_examine = stress.examine
+    monkeypatch.setattr(stress, "examine", examine)
+    code, out, _ = run("--quick", "--suite", "stress")
+    assert code == 0
+    assert "lambert: float32 error = 1e+30, limit 1" in out
+    assert "wi = here" in out
+    assert "…" not in out
+
+
+@pytest.mark.parametrize(
+    ("value", "better", "limit", "misses"),
+    [(2, "lower", 1, True), (1, "lower", 1, False), (2, "higher", 3, True), (2, "higher", None, False)],
+)
+def test_record_knows_the_wrong_side_of_its_limit(value: float, better: str, limit: float | None, misses: bool) -> None:
+    assert Record("s", "c", "m", value, "1", better, limit).misses is misses  # type: ignore[arg-type]
