@@ -11,8 +11,10 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
-# sin² below this counts as this: keeps the derivative of the square root finite at normal incidence.
-_SIN2_FLOOR = 1e-20
+# sin² below this counts as this: keeps two derivatives of the square root, and of its inverse, finite in float32.
+_SIN2_FLOOR = 1e-16
+# Likewise for the half azimuth, and for the height of L + V where they graze from opposite sides.
+_HALF_AZIMUTH_FLOOR, _HALF_Z_FLOOR = 1e-12, 1e-5
 
 
 class Directions:
@@ -68,8 +70,13 @@ class Directions:
     @cached_property
     def half_azimuth(self) -> tuple[Tensor, Tensor]:
         """Cosine and sine of (φr − φi)/2, |φr − φi| ≤ π; undefined, and finite, where a direction is the normal."""
-        cos = (self.tangential / (self.sin_i * self.sin_o)).clamp(-1, 1)
-        return tuple(((1 + sign * cos) / 2).clamp(min=_SIN2_FLOOR).sqrt() for sign in (1, -1))  # type: ignore[return-value]
+        (xi, yi, _), (xo, yo, _) = self._wi, self._wo
+        xi, yi, xo, yo = xi / self.sin_i, yi / self.sin_i, xo / self.sin_o, yo / self.sin_o
+        # Half the sum and half the difference of unit vectors: no digits lost where the azimuths are nearly the same.
+        cos2 = ((xi + xo).square() + (yi + yo).square()).clamp(min=_HALF_AZIMUTH_FLOOR)
+        sin2 = ((xi - xo).square() + (yi - yo).square()).clamp(min=_HALF_AZIMUTH_FLOOR)
+        length = (cos2 + sin2).sqrt()
+        return cos2.sqrt() / length, sin2.sqrt() / length
 
     def along(self, azimuth: Tensor) -> tuple[Tensor, Tensor]:
         """Tangential components of L and V along an azimuth in radians, from the tangent toward the bitangent."""
@@ -87,24 +94,26 @@ class Directions:
         return (0.5 * self.half_squared.sqrt()).clamp(max=1.0)
 
     @cached_property
-    def cos2_half(self) -> Tensor:
-        """cos²α, α the angle between half vector and normal, at least 1e-6 (no lobe has weight beyond)."""
-        return (self._half_z * self._half_z / self.half_squared).clamp(min=1e-6)
+    def tan2_half(self) -> Tensor:
+        """tan²α, α the angle between half vector and normal: the squared slope of the facet that mirrors L to V."""
+        x = (self._wi[0] + self._wo[0]) / self._half_z
+        y = (self._wi[1] + self._wo[1]) / self._half_z
+        return x * x + y * y
 
     @cached_property
-    def tan2_half(self) -> Tensor:
-        """tan²α, free of cancellation at small α; at most about 1e6."""
-        return self._half_tangential_squared / (self.cos2_half * self.half_squared)
+    def cos2_half(self) -> Tensor:
+        """cos²α."""
+        return 1 / (1 + self.tan2_half)
 
     @cached_property
     def theta_half(self) -> Tensor:
         """α itself, by atan2: its derivative stays finite at α = 0."""
-        return torch.atan2(self._half_tangential_squared.clamp(min=_SIN2_FLOOR).sqrt(), self._half_z)
+        return torch.atan2(self._half_tangential_squared.clamp(min=1e-20).sqrt(), self._half_z)
 
     @cached_property
     def _half_z(self) -> Tensor:
         # Floored here and nowhere else, so that cosine and tangent of α agree when L and V graze from opposite sides.
-        return (self.cos_i + self.cos_o).clamp(min=1e-7)
+        return (self.cos_i + self.cos_o).clamp(min=_HALF_Z_FLOOR)
 
     @cached_property
     def _half_tangential_squared(self) -> Tensor:

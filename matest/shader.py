@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from matest.brdf import Brdf, Term
+from matest.brdf.base import factor_value
 from matest.directions import Directions, above_horizon
 from matest.errors import InputError
 from matest.scene import Points, Scene
@@ -99,7 +100,7 @@ def reflectance(brdf: Brdf, cos_o: Tensor) -> Tensor:
     for term in sky_terms(values.replace(even).terms(nodes.directions)):
         part = interpolate(term.shape, cos_o)
         for factor in term.factors:
-            part = part * values.parameters[factor]
+            part = part * factor_value(factor, values.parameters)
         total = total + part
     return total
 

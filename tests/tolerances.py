@@ -41,8 +41,8 @@ ROUND_TRIP_FLOAT32 = 1e-5
 # Values at an end of their domain are taken this far inside it, as a fraction of its width.
 END_OF_DOMAIN = 1.1e-6
 
-# Two facets lit and seen in full: the floor of 1e-12 under the square root of a distance that is 0.
-SECOND_BOUNCE = 2e-12
+# In the plane of incidence the half azimuth is at its floor of 5e-7 rad, where a kink lies.
+IN_PLANE = 1e-6
 # Mean over 64 orientations of one slope, in units of the Lambert radiance, up to 80 degrees from the normal: the
 # integrand has kinks where a facet begins to be shadowed or masked.
 ORIENTATIONS = 5e-4
@@ -58,7 +58,7 @@ class Excess(NamedTuple):
 # The only ones allowed to exceed 1 in a white furnace with light up to 89.5 degrees from the normal.
 ALBEDO_EXCESS = {
     "oren-nayar": Excess(
-        1.048, "eq. 14-16 are a fit: above 1 at oblique incidence for albedo > 0.95, sigma 5 to 30 deg"
+        1.048, "eq. 14-16 are a fit: above 1 at oblique incidence for albedo > 0.95, sigma 1.5 to 35 deg"
     ),
     "oren-nayar-qualitative": Excess(1.015, "eq. 17 is a fit: above 1 at oblique incidence for sigma 5 to 20 deg"),
     "fujii": Excess(

@@ -15,7 +15,7 @@ from matest.parameters import Parameter, options_of, parameters_of
 
 
 class Term(NamedTuple):
-    """One summand of a model: (product of the parameters named in `factors`) · `shape`.
+    """One summand of a model: (product of the parameters, or their complements, named in `factors`) · `shape`.
 
     `shape` [..., 1 or C] in 1/sr depends on the directions and on the remaining (non-linear) parameters only. This is
     what lets an estimator eliminate the amplitudes: a model is a polynomial in its factors.
@@ -29,6 +29,29 @@ class Term(NamedTuple):
     shape: Tensor
     images: Tensor | None = None
     weights: Tensor | None = None
+
+
+_REST = "1 - "
+
+
+def rest_of(name: str) -> str:
+    """The factor 1 − (the parameter of that name)."""
+    return _REST + name
+
+
+def named_by(factor: str) -> str:
+    """The parameter that a factor is made of."""
+    return factor.removeprefix(_REST)
+
+
+def factor_value(factor: str, values: Mapping[str, Tensor]) -> Tensor:
+    value = values[named_by(factor)]
+    return 1 - value if factor.startswith(_REST) else value
+
+
+def factor_slope(factor: str) -> float:
+    """Derivative of a factor by its parameter."""
+    return -1.0 if factor.startswith(_REST) else 1.0
 
 
 def mixture(factors: tuple[str, ...], images: Tensor, weights: Tensor) -> Term:
@@ -70,8 +93,14 @@ class Brdf:
         for combination, reason in self.excluded:
             if all(getattr(self, name) == value for name, value in combination.items()):
                 raise InputError(f"{self.name}: {reason}")
+        present = self.declared
         for name, declared in parameters_of(type(self)).items():
-            object.__setattr__(self, name, _as_tensor(getattr(self, name), declared, f"{self.name}: {name}"))
+            value = getattr(self, name)
+            if name in present:
+                object.__setattr__(self, name, _as_tensor(value, declared, f"{self.name}: {name}"))
+            elif value is not type(self).__dataclass_fields__[name].default:  # type: ignore[attr-defined]
+                needed = " and ".join(f"{option}={' or '.join(values)}" for option, values in declared.when.items())
+                raise InputError(f"{self.name} has no parameter {name} with these options; it needs {needed}.")
 
     def terms(self, directions: Directions) -> tuple[Term, ...]:
         """The model's terms at directions above the horizon."""
@@ -103,7 +132,8 @@ class Brdf:
         middle = {name: torch.tensor(0.5) for name in self.declared}
         here, there = (self.replace({**middle, shape: torch.tensor(v)}).terms(directions) for v in (0.4, 0.6))
         pairs = zip(here, there, strict=True)
-        return {name for one, other in pairs if not torch.equal(one.shape, other.shape) for name in one.factors}
+        moved = (one.factors for one, other in pairs if not torch.equal(one.shape, other.shape))
+        return {named_by(factor) for factors in moved for factor in factors}
 
     @property
     def anisotropic(self) -> bool:
@@ -119,7 +149,7 @@ class Brdf:
     @property
     def factors(self) -> set[str]:
         """Names of the parameters that only multiply shapes: the amplitudes."""
-        return {factor for factors in self.products for factor in factors}
+        return {named_by(factor) for factors in self.products for factor in factors}
 
     @property
     def expression(self) -> str:
@@ -153,7 +183,7 @@ class Brdf:
         total: Tensor | float = 0.0
         for factors, shape, *_ in self.terms(directions):
             for factor in factors:
-                shape = shape * values[factor]
+                shape = shape * factor_value(factor, values)
             total = total + shape
         # Fitted polynomials dip below zero near double grazing; a reflectance cannot.
         return torch.as_tensor(total).clamp(min=0)
@@ -215,10 +245,15 @@ class Sum(Brdf):
 
     def terms(self, directions: Directions) -> tuple[Term, ...]:
         return tuple(
-            term._replace(factors=tuple(f"{name}.{factor}" for factor in term.factors))
+            term._replace(factors=tuple(_path(name, factor) for factor in term.factors))
             for name, part in self._by_name.items()
             for term in part.terms(directions)
         )
+
+
+def _path(component: str, factor: str) -> str:
+    path = f"{component}.{named_by(factor)}"
+    return rest_of(path) if factor.startswith(_REST) else path
 
 
 def _components(brdf: Brdf) -> tuple[Brdf, ...]:

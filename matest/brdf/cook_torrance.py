@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import dataclass
 from typing import ClassVar
@@ -10,7 +9,7 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from matest.brdf.base import Brdf, Term
+from matest.brdf.base import Brdf, Term, rest_of
 from matest.brdf.fresnel import colour_shift_weight, conductor, dielectric, schlick_weight
 from matest.brdf.microfacet import beckmann, gaussian, ggx, smith_beckmann, smith_ggx, v_cavity
 from matest.directions import Directions
@@ -20,6 +19,13 @@ from matest.parameters import interval, option, parameter, unit_interval
 _NORMALISATION = {"physical": 1.0, "ngan": 4 / math.pi, "paper1982": 4.0}
 _DISTRIBUTION = {"beckmann": beckmann, "gaussian": gaussian, "ggx": ggx}
 _SMITH = {"beckmann": smith_beckmann, "ggx": smith_ggx}
+
+# Factors that weigh each of the lobes.
+_SHARES: dict[str, list[tuple[str, ...]]] = {
+    "1": [()],
+    "2": [(rest_of("weight_2"),), ("weight_2",)],
+    "3": [(rest_of("weight_2"),), ("weight_2", rest_of("weight_3")), ("weight_2", "weight_3")],
+}
 
 _SLOPE = interval(1e-3, 1)
 _SEVERAL = {"lobes": ("2", "3")}
@@ -48,7 +54,7 @@ class CookTorrance(Brdf):
       beside a divisor π, four times as bright as a mirror can be.
 
     Source: Cook & Torrance 1982; the 1/4 from dω_r = 4 (V·H) dω_h. Limits: single bounce between facets, so rough
-    lobes lose energy (7 % at m = 0.4). A body without complementary weights is not dimmed by the surface above it.
+    lobes lose energy (up to 10 % at m = 0.4). A body without complementary weights is not dimmed by the surface on it.
     """
 
     diffuse: Tensor = parameter(unit_interval, unit="1", doc="albedo of the body", default=0.5, per_channel=True)
@@ -124,16 +130,14 @@ class CookTorrance(Brdf):
 
     def terms(self, directions: Directions) -> tuple[Term, ...]:
         body = torch.full_like(directions.cos_i * directions.cos_o, 1 / math.pi)
-        out = [Term(("diffuse",), body)]
-        if self.weights == "complementary":
-            out.append(Term(("specular", "diffuse"), -body))
+        out = [Term((rest_of("specular"), "diffuse") if self.weights == "complementary" else ("diffuse",), body)]
         for weight, lobe in self._lobes(directions):
             for factors, reflectance in self._reflectances(directions):
                 out.append(Term(("specular", *weight, *factors), lobe * reflectance))
         return tuple(out)
 
     def _lobes(self, directions: Directions) -> list[tuple[tuple[str, ...], Tensor]]:
-        """D G / (4 cos θi cos θr), as a polynomial in the weights of the lobes."""
+        """D G / (4 cos θi cos θr) of every lobe, and the factors that weigh it."""
         slopes = [self.slope, self.slope_2, self.slope_3][: int(self.lobes)]
         scale = _NORMALISATION[self.normalisation]
         shared = scale * v_cavity(directions) if self.masking == "v-cavity" else None
@@ -141,16 +145,14 @@ class CookTorrance(Brdf):
         for slope in slopes:
             masked = scale * _SMITH[self.distribution](directions, slope) if shared is None else shared
             lobes.append(_DISTRIBUTION[self.distribution](directions, slope) * masked)
-        # What a further lobe adds, it takes from the one before.
-        parts = [lobes[0], *(later - earlier for earlier, later in itertools.pairwise(lobes))]
-        return [(("weight_2", "weight_3")[:count], part) for count, part in enumerate(parts)]
+        return list(zip(_SHARES[self.lobes], lobes, strict=True))
 
     def _reflectances(self, directions: Directions) -> list[tuple[tuple[str, ...], Tensor]]:
-        """F, as a polynomial in f0 where it is one."""
+        """F, apart by factors where it is linear in f0."""
         cos_d = directions.cos_d
         if self.fresnel == "dielectric":
             return [((), dielectric(cos_d, self.f0))]
         if self.fresnel == "conductor":
             return [((), conductor(cos_d, self.eta, self.k))]
         risen = schlick_weight(cos_d) if self.fresnel == "schlick" else colour_shift_weight(cos_d, self.f0_mean)
-        return [((), risen), (("f0",), 1 - risen)]
+        return [(("f0",), torch.ones_like(risen)), ((rest_of("f0"),), risen)]

@@ -25,7 +25,7 @@ class Fujii(Brdf):
     `OrenNayar`. Shapes as `Brdf`.
 
     Source: Fujii, "A tiny improvement of Oren-Nayar reflectance model". Limits: σ = 0 is Lambert exactly; positive
-    everywhere; the albedo exceeds 1 by up to 2.8 % when ρ > 0.97.
+    everywhere; the albedo exceeds 1 by up to 2.9 % when ρ > 0.97.
     """
 
     albedo: Tensor = parameter(unit_interval, unit="1", doc="facet albedo ρ", default=0.5, per_channel=True)

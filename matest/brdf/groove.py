@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 # (ms, mv) = (0, 0) is where the square root of their distance would have no derivative.
-_SQUARED_FLOOR = 1e-24
+_SQUARED_FLOOR = 1e-30
 
 
 def direct(cos_t: Tensor, p: Tensor, q: Tensor) -> Tensor:
@@ -43,16 +43,16 @@ def interreflection(sin2_t: Tensor, cos_t: Tensor, p: Tensor, q: Tensor) -> Tens
     ms = 1 - 1 / torch.maximum(p, 1 - p).clamp(min=1)
     mv = 1 - 1 / torch.maximum(q, 1 - q).clamp(min=1)
     e = 2 * sin2_t
-    product, total = ms * mv, ms + mv
-    v1, s1 = 1 + mv, 1 + ms
-    d_sv = (total * total - 2 * e * product).clamp(min=_SQUARED_FLOOR).sqrt()
-    d_1v = (v1 * v1 - 2 * e * mv).sqrt()
-    d_1s = (s1 * s1 - 2 * e * ms).sqrt()
-    d_11 = (4 - 2 * e).sqrt()
+    # d(x,y)² = (x − y)² + 4xy cos² t: nothing cancels, however steep the groove.
+    four = 4 * cos_t * cos_t
+    d_sv = ((ms - mv).square() + four * (ms * mv)).clamp(min=_SQUARED_FLOOR).sqrt()
+    d_1v = ((1 - mv).square() + four * mv).sqrt()
+    d_1s = ((1 - ms).square() + four * ms).sqrt()
+    d_11 = 2 * cos_t
     # (x + y − d) / (2e)
-    short_sv = product / (total + d_sv)
-    short_1v = mv / (v1 + d_1v)
-    short_1s = ms / (s1 + d_1s)
+    short_sv = ms * mv / (ms + mv + d_sv)
+    short_1v = mv / (1 + mv + d_1v)
+    short_1s = ms / (1 + ms + d_1s)
     short_11 = 1 / (2 + d_11)
     tau = (short_1v + short_sv - mv) / (d_1v + d_sv) + (short_1s + (short_11 - 1)) / (d_1s + d_11)
     side = d_1v + d_11

@@ -16,6 +16,8 @@ _SLOPE_FLOOR = 1e-3
 _COS_PRODUCT_FLOOR = 1e-12
 # G1 differs from 1 by less than float64 rounding beyond this argument.
 _SMITH_LIMIT = 6.5
+# exp(−x) is zero in float64 beyond this argument.
+_EXPONENT_LIMIT = 750.0
 # exp(−x²) is below float64 rounding beyond this argument.
 _GAUSSIAN_LIMIT = 6.5
 _GAUSSIAN_DEGREE = 40
@@ -29,7 +31,11 @@ def beckmann(directions: Directions, slope: Tensor) -> Tensor:
     Source: Cook & Torrance 1982, D divided by π (their D integrates to π).
     """
     m2 = slope.clamp(min=_SLOPE_FLOOR).square()
-    return torch.exp(-directions.tan2_half / m2) / (math.pi * m2 * directions.cos2_half.square())
+    exponent = directions.tan2_half / m2
+    # Where the exponential is zero its derivatives are: no infinite factor may meet them.
+    seen = exponent < _EXPONENT_LIMIT
+    cos2 = torch.where(seen, directions.cos2_half, torch.ones_like(directions.cos2_half))
+    return torch.exp(-exponent.clamp(max=_EXPONENT_LIMIT)) / (math.pi * m2 * cos2.square())
 
 
 def gaussian(directions: Directions, slope: Tensor) -> Tensor:
@@ -44,7 +50,7 @@ def gaussian(directions: Directions, slope: Tensor) -> Tensor:
 
 
 def gaussian_constant(slope: Tensor) -> Tensor:
-    """c of `gaussian` for m in (0, 1]: π m² c is smooth in m, here a Chebyshev series of it, exact to 1e-14."""
+    """c of `gaussian` for m in (0, 1]: π m² c is smooth in m, here a Chebyshev series of it, exact to 3e-13."""
     x = 2 * slope - 1
     later, last = torch.zeros_like(x), torch.zeros_like(x)
     first, *rest = _gaussian_series()
@@ -88,7 +94,8 @@ def v_cavity(directions: Directions) -> Tensor:
     """
     cos_i, cos_o = directions.cos_i, directions.cos_o
     unmasked = 0.25 / (cos_i * cos_o).clamp(min=_COS_PRODUCT_FLOOR)
-    masked = (cos_i + cos_o) / (directions.half_squared * torch.maximum(cos_i, cos_o).clamp(min=1e-6))
+    # One quotient after the other: their derivatives stay within the range of float32.
+    masked = (cos_i + cos_o) / torch.maximum(cos_i, cos_o).clamp(min=1e-6) / directions.half_squared
     return torch.minimum(unmasked, masked)
 
 
@@ -121,9 +128,8 @@ def smith_ggx(directions: Directions, width: Tensor) -> Tensor:
 
 
 def _g1_over_cos(cos: Tensor, sin: Tensor, slope: Tensor) -> Tensor:
-    spread = slope * sin
-    a = (cos / spread).clamp(max=_SMITH_LIMIT)
+    # a / cos θ = 1/(m sin θ), held at the limit beyond which G1 = 1.
+    spread = torch.maximum(slope * sin, cos / _SMITH_LIMIT)
+    a = cos / spread
     root = math.sqrt(math.pi)
-    masked = 2 * root / (root * a * (1 + torch.erf(a)) + torch.exp(-a * a))
-    # a / cos = 1 / (m sin θ) where masking acts at all.
-    return masked * torch.where(a < _SMITH_LIMIT, 1 / spread, _SMITH_LIMIT / cos.clamp(min=1e-6))
+    return 2 * root / (root * a * (1 + torch.erf(a)) + torch.exp(-a * a)) / spread

@@ -33,7 +33,7 @@ class OrenNayar(Brdf):
 
     Source: Oren & Nayar 1994, eq. 14-16. Limits: σ = 0 is Lambert exactly. The direct part of the fit turns negative
     near forward double grazing for σ > 38°; values are cut at zero there. Albedo exceeds 1 by up to 5.1 % at grazing
-    incidence when ρ > 0.96 and σ is 10° to 30°. Two bounces only, so ρ = 1 is not a white surface.
+    incidence when ρ > 0.95 and σ is 1.5° to 35°. Two bounces only, so ρ = 1 is not a white surface.
     """
 
     albedo: Tensor = parameter(unit_interval, unit="1", doc="facet albedo ρ", default=0.5, per_channel=True)

@@ -39,11 +39,11 @@ class OrenNayarExact(Brdf):
 
     The nodes do not depend on σ: the images of the nodes depend on geometry alone, σ only weighs them, and a fit costs
     one pass over the samples. `nodes` = slopes × orientations. Largest and rms deviation from the converged integral
-    up to 80° from the normal, σ 1° to 70°, in units of the Lambert radiance: `16x16` 7e-3 and 9e-4, `24x32`
-    (default) 3e-3 and 4e-4, `48x64` 4e-4 and 5e-5.
+    up to 80° from the normal, σ 1° to 70°, in units of the Lambert radiance: `16x16` 7e-3 and 1e-3, `24x32`
+    (default) 3e-3 and 4e-4, `48x64` 4e-4 and 1e-4.
 
     The functional approximation (eq. 14-16, `OrenNayar`) is 0.03 (rms) to 0.19 (largest, up to 75°) of the Lambert
-    radiance away from this integral, eq. 17 twice to three times as far: fit and predict with the same model.
+    radiance away from this integral, eq. 17 (`OrenNayarQualitative`) 0.1 to 0.4: fit and predict with the same model.
 
     Source: Oren & Nayar 1994, eq. 5-13. Limits: σ → 0 is Lambert; two bounces, so even ρ = 1 reflects less than all
     light (90 % at σ = 30°).

@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from matest.brdf.base import factor_slope, factor_value, named_by
 from matest.estimators.problem import Problem
 
 _ITERATIONS = 20
@@ -40,15 +41,15 @@ def amplitudes(
         for product in factors:
             value = torch.ones(lead, dtype=torch.float64)
             slope = torch.zeros(*lead, len(names), dtype=torch.float64)
-            for factor in (problem.ties.get(name, name) for name in product):
-                if factor in names:
-                    column = names.index(factor)
-                    slope = slope * a[..., column : column + 1]
-                    slope[..., column] += value
-                    value = value * a[..., column]
-                else:
-                    constant = constants[factor].expand(lead)
-                    value, slope = value * constant, slope * constant[..., None]
+            for factor in product:
+                name = problem.ties.get(named_by(factor), named_by(factor))
+                column = names.index(name) if name in names else None
+                known = constants[name].expand(lead) if column is None else a[..., column]
+                own = factor_value(factor, {named_by(factor): known})
+                slope = slope * own[..., None]
+                if column is not None:
+                    slope[..., column] += factor_slope(factor) * value
+                value = value * own
             g.append(value)
             dg.append(slope)
         return torch.stack(g, -1), torch.stack(dg, -2)

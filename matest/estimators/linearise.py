@@ -15,6 +15,7 @@ import torch
 from torch import Tensor
 
 from matest.brdf import Term
+from matest.brdf.base import factor_slope, factor_value, named_by
 from matest.capture import Batch
 from matest.directions import Directions
 from matest.estimators.problem import Problem
@@ -152,21 +153,21 @@ def _coefficients(values: dict[str, Tensor], basis: Basis, like: Tensor) -> Tens
 
 
 def product(values: dict[str, Tensor], factors: tuple[str, ...]) -> Tensor:
-    """The product of some parameters."""
+    """The product of some factors."""
     out = torch.ones_like(next(iter(values.values())))
     for factor in factors:
-        out = out * values[factor]
+        out = out * factor_value(factor, values)
     return out
 
 
 def derivative(
     values: dict[str, Tensor], ties: Mapping[str, str], factors: tuple[str, ...], name: str
 ) -> Tensor | float:
-    """Derivative of a product of parameters by one of them (and by those tied to it)."""
+    """Derivative of a product of factors by a parameter (and by those tied to it)."""
     total: Tensor | float = 0.0
     for position, factor in enumerate(factors):
-        if factor == name or ties.get(factor) == name:
-            total = total + product(values, factors[:position] + factors[position + 1 :])
+        if name in (named_by(factor), ties.get(named_by(factor))):
+            total = total + factor_slope(factor) * product(values, factors[:position] + factors[position + 1 :])
     return total
 
 

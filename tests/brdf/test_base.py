@@ -7,9 +7,22 @@ from typing import Any
 import pytest
 import torch
 
-from matest.brdf import CookTorrance, Lambert, OrenNayar, Sum, TorranceSparrow
+from matest.brdf import (
+    MODELS,
+    CookTorrance,
+    Lambert,
+    OrenNayar,
+    OrenNayarExact,
+    OrenNayarSingleSlope,
+    Sum,
+    TorranceSparrow,
+    variants,
+)
+from matest.brdf.base import mixture
+from matest.directions import Directions
 from matest.errors import InputError
-from tests.sampling import random_pairs
+from matest.parameters import Parameter, options_of, parameters_of, unit_interval
+from tests.sampling import draw, named, random_pairs, spherical
 
 BODY_AND_LOBE = Lambert(0.4) + TorranceSparrow(0.05, 0.2)
 
@@ -103,3 +116,107 @@ def test_direction_batches_broadcast_against_each_other() -> None:
     grid = BODY_AND_LOBE(wi[:4, None], wo[None, :5])
     assert grid.shape == (4, 5, 1)
     torch.testing.assert_close(grid[2, 3], BODY_AND_LOBE(wi[2], wo[3]))
+
+
+@pytest.mark.parametrize("shape", [(5,), (1, 5), (3, 5), (7, 1, 5), (7, 3, 5)])
+def test_mixture_is_the_sum_of_its_images_with_their_weights(shape: tuple[int, ...]) -> None:
+    generator = torch.Generator().manual_seed(4)
+    images = torch.rand(7, 5, generator=generator, dtype=torch.float64)
+    weights = torch.rand(shape, generator=generator, dtype=torch.float64)
+    term = mixture(("albedo",), images, weights)
+    expected = (images[:, None] * weights).sum(-1)
+    torch.testing.assert_close(term.shape, expected)
+    assert term.images is images
+    assert term.weights is weights
+
+
+@pytest.mark.parametrize("shape", [(), (3,), (20, 1), (20, 3)])
+@pytest.mark.parametrize("expression", variants())
+def test_images_depend_on_the_directions_and_weights_on_the_parameters(expression: str, shape: tuple[int, ...]) -> None:
+    directions, elsewhere = Directions(*random_pairs(20, seed=5)), Directions(*random_pairs(20, seed=6))
+    one, other = draw(named(expression), shape, seed=7), draw(named(expression), shape, seed=8)
+    for term, moved, changed in zip(one.terms(directions), one.terms(elsewhere), other.terms(directions), strict=True):
+        assert (term.images is None) == (term.weights is None)
+        if term.images is not None and term.weights is not None:
+            torch.testing.assert_close(term.images, changed.images, rtol=0, atol=0)
+            torch.testing.assert_close(term.weights, moved.weights, rtol=0, atol=0)
+            whole = (term.images[:, None, :] * term.weights).sum(-1)
+            torch.testing.assert_close(term.shape.expand_as(whole), whole)
+
+
+def test_models_whose_parameters_separate_say_so() -> None:
+    nothing = Directions(*random_pairs(2, seed=9))
+    separate = {name for name, kind in MODELS.items() if all(t.images is not None for t in kind().terms(nothing))}
+    assert {"oren-nayar", "oren-nayar-qualitative", "oren-nayar-exact", "fujii"} <= separate
+
+
+def test_only_parallel_grooves_are_anisotropic() -> None:
+    anisotropic = {expression for expression in variants() if named(expression).anisotropic}
+    assert anisotropic == {"oren-nayar-single-slope"}
+    assert (OrenNayarSingleSlope() + TorranceSparrow()).anisotropic
+    assert not (OrenNayarExact() + TorranceSparrow()).anisotropic
+
+
+@pytest.mark.parametrize("expression", variants())
+def test_isotropic_models_do_not_see_the_frame_turn(expression: str) -> None:
+    brdf = draw(named(expression), (1,), seed=10)
+    theta, apart, turn = (torch.tensor(x, dtype=torch.float64) for x in ([0.3, 0.9, 1.4], [0.0, 2.0, 3.1], 0.7))
+    here = brdf(spherical(theta, 0.0), spherical(theta.flip(0), apart))
+    there = brdf(spherical(theta, turn), spherical(theta.flip(0), apart + turn))
+    same = torch.allclose(here, there, rtol=1e-9)
+    assert same != brdf.anisotropic
+
+
+def test_conditional_parameters_follow_the_options() -> None:
+    declared = Parameter(
+        unit_interval, "1", "", when={"fresnel": ("schlick", "conductor")}, coloured_when={"fresnel": ("conductor",)}
+    )
+    assert declared.under({"fresnel": "dielectric", "lobes": "1"}) is None
+    plain, coloured = (declared.under({"fresnel": chosen, "lobes": "1"}) for chosen in ("schlick", "conductor"))
+    assert plain is not None
+    assert coloured is not None
+    assert not plain.per_channel
+    assert coloured.per_channel
+
+
+@pytest.mark.parametrize("expression", variants())
+def test_every_declared_parameter_changes_the_model(expression: str) -> None:
+    brdf = draw(named(expression), (1,), seed=11)
+    pairs = random_pairs(200, seed=12)
+    before = brdf(*pairs)
+    for name, declared in brdf.declared.items():
+        value = brdf.parameters[name] + 0.05 * min(declared.domain.width, 1.0)
+        after = brdf.replace({name: value})(*pairs)
+        assert not torch.allclose(before, after, rtol=1e-6, atol=0), name
+
+
+def test_conditions_name_options_and_choices_that_exist() -> None:
+    for kind in MODELS.values():
+        choices = options_of(kind)
+        conditions = [
+            condition
+            for declared in parameters_of(kind).values()
+            for condition in (declared.when, declared.coloured_when)
+        ]
+        excluded = [{key: (value,) for key, value in combination.items()} for combination, _ in kind.excluded]
+        for condition in [*conditions, *excluded]:
+            for option, values in condition.items():
+                assert {*values} <= {*choices[option]}
+
+
+def test_excluded_choices_are_refused_with_their_reason_and_alone_are_not() -> None:
+    combination, reason = CookTorrance.excluded[0]
+    with pytest.raises(InputError) as refused:
+        CookTorrance(**combination)
+    assert str(refused.value) == f"cook-torrance: {reason}"
+    for option, choice in combination.items():
+        assert CookTorrance(**{option: choice}).expression == f"cook-torrance({option}={choice})"
+
+
+def test_a_separated_model_in_a_sum_keeps_its_images() -> None:
+    directions = Directions(*random_pairs(4, seed=13))
+    alone, summed = (brdf.terms(directions)[0] for brdf in (OrenNayar(), OrenNayar() + TorranceSparrow()))
+    assert summed.factors == ("oren-nayar.albedo",)
+    assert alone.images is not None
+    torch.testing.assert_close(summed.images, alone.images)
+    torch.testing.assert_close(summed.weights, alone.weights)
