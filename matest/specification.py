@@ -50,6 +50,11 @@ def specify(expression: str, constraints: Constraints, *, channels: int, relativ
         InputError: an unknown model or parameter, a value outside its domain, a tie that makes no sense.
     """
     brdf, bracketed = model(expression)
+    if relative and () in brdf.products:
+        raise InputError(
+            f"{expression}: the unknown scale of the light cannot be told from its albedo, which it is not linear in; "
+            'give the lights\' irradiance (radiometry = "absolute") or take oren-nayar or fujii.'
+        )
     fixed = {name: _value(brdf, name, value, channels) for name, value in bracketed.items()}
     for name, value in constraints.fix.items():
         path = resolve(brdf, name)

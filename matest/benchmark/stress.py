@@ -12,11 +12,12 @@ from matest.benchmark import precision
 from matest.benchmark.adversarial import direction_pairs, parameter_values
 from matest.benchmark.passes import heavy
 from matest.benchmark.record import Progress, Record
-from matest.brdf import Brdf, model, variants
+from matest.brdf import MODELS, Brdf, model, variants
 
 POINTS, POINTS_QUICK = 10_000_000, 100_000
-# Points at a time: even a sum over thousands of facets keeps less than 3 GB for its derivatives.
-TILE = 4096
+# Points at a time: as many as stay near the cache; of a sum over thousands of facets, as few as keep their derivatives
+# below 3 GB.
+TILE, TILE_HEAVY = 16_384, 4096
 SEED = 1
 
 Inputs = dict[str, Tensor]
@@ -24,11 +25,16 @@ Results = dict[str, Tensor]
 
 
 def run(quick: bool, progress: Progress) -> Iterator[Record]:
-    """Records of every model and every choice of its options; sums over many facets see a tenth of the points."""
+    """Records of every model and every choice of its options.
+
+    Sums over many facets, a hundred times as slow as the others, see a tenth of the points, and a hundredth under
+    options other than their default.
+    """
     points = POINTS_QUICK if quick else POINTS
     for expression in variants():
         brdf = model(expression)[0]
-        yield from examine(brdf, points // 10 if heavy(brdf) else points, progress)
+        share = 1 if not heavy(brdf) else 10 if expression in MODELS else 100
+        yield from examine(brdf, points // share, progress)
 
 
 def examine(brdf: Brdf, points: int, progress: Progress = lambda *_: None) -> list[Record]:
@@ -41,8 +47,9 @@ def examine(brdf: Brdf, points: int, progress: Progress = lambda *_: None) -> li
     case = brdf.expression
     generator = torch.Generator().manual_seed(SEED)
     tallies = {(dtype, kind): _Tally() for dtype in (torch.float32, torch.float64) for kind in KINDS}
-    for done in range(0, points, TILE):
-        n = min(TILE, points - done)
+    tile = TILE_HEAVY if heavy(brdf) else TILE
+    for done in range(0, points, tile):
+        n = min(tile, points - done)
         wi, wo = direction_pairs(n, generator)
         inputs = {**parameter_values(brdf.declared, n, generator), "wi": wi, "wo": wo}
         for (dtype, kind), tally in tallies.items():

@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from matest.brdf import Brdf
+from matest.brdf.base import rest_of
 from matest.parameters import Domain, Parameter
 
 
@@ -51,6 +52,12 @@ class Problem:
     def _factors(self) -> set[str]:
         return {self.ties.get(name, name) for name in self.brdf.factors}
 
+    @cached_property
+    def _scales(self) -> set[str]:
+        """Amplitudes that may carry the unknown scale of the light: their complement 1 − x is used nowhere."""
+        used = {factor for product in self.brdf.products for factor in product}
+        return {name for name in used if rest_of(name) not in used}
+
     def declared(self, name: str) -> Parameter:
         return self.brdf.declared[name]
 
@@ -58,7 +65,8 @@ class Problem:
         declared = self.declared(name)
         if declared.gauge:
             return Domain(declared.domain.lower, self.gauge_limit)
-        return declared.domain.lifted() if self.relative and declared.per_channel else declared.domain
+        carries_scale = self.relative and declared.per_channel and name in self._scales
+        return declared.domain.lifted() if carries_scale else declared.domain
 
     def limit_of_gauges(self, unknowns: Tensor) -> float:
         """The largest gauge with which no facet reflects more than all light: 1 / (brightest albedo beside it)."""
