@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import torch
 from torch import Tensor
 
+from matest.brdf.base import factor_value, named_by
 from matest.capture import Capture, Samples
 from matest.capture.samples import BLOCKS
 from matest.estimators import AllTiles, Solution, accumulate, at_bound, bounded_step
@@ -110,7 +111,11 @@ def flat_at_bound(solution: Solution, samples: Samples) -> dict[int, float]:
     for name in problem.shapes:
         domain, place = problem.domain(name), problem.where[name]
         epsilon = 0.02 * domain.width
-        if problem.declared(name).log or float(solution.unknowns[place].max()) > epsilon:
+        if (
+            problem.declared(name).log
+            or problem.declared(name).periodic
+            or float(solution.unknowns[place].max()) > epsilon
+        ):
             continue
         moved = solution.unknowns.clone()
         moved[place] = domain.lower + epsilon
@@ -161,7 +166,8 @@ def parameter_estimate(solution: Solution, bars: ErrorBars, name: str) -> Parame
         covariance = bars.open if at_end else bars.covariance
         std = float(covariance.std[position])
         # Under an unknown light scale only a value in proportion to the others can be called large.
-        scale = float(solution.unknowns[place].max()) if math.isinf(domain.width) else domain.width
+        width = declared.domain.width if declared.periodic else domain.width
+        scale = float(solution.unknowns[place].max()) if math.isinf(width) else width
         largest = min(_KNOWS_NOTHING * scale, 0.5 * value if declared.log else math.inf)
         if reach_inside is not None:
             values.append(domain.lower)
@@ -192,13 +198,20 @@ def parameter_estimate(solution: Solution, bars: ErrorBars, name: str) -> Parame
 
 
 def _faint(solution: Solution, bars: ErrorBars, name: str) -> bool:
-    """Whether a shape parameter belongs to a lobe that is not there: none of its amplitudes is seen."""
+    """Whether a shape parameter belongs to lobes that are not there."""
     problem = solution.problem
     if name not in problem.shapes:
         return False
-    carriers = {problem.ties.get(carrier, carrier) for carrier in problem.brdf.carriers(name)} - {*problem.gauges}
-    if not carriers <= {*problem.free}:
-        return False
-    places = [position for carrier in carriers for position in range(*problem.where[carrier].indices(problem.size))]
-    std = bars.open.std
-    return bool(places) and all(float(solution.unknowns[k]) < _VISIBLE * float(std[k]) for k in places)
+    values = problem.values(solution.unknowns)
+
+    def seen(factor: str) -> bool:
+        """Whether a factor is distinguishable from zero in any channel."""
+        value = factor_value(factor, values)
+        source = problem.ties.get(named_by(factor), named_by(factor))
+        if source in problem.gauges:
+            return True
+        std = bars.open.std[problem.where[source]] if source in problem.where else torch.zeros(1)
+        return bool((value.reshape(-1) > _VISIBLE * std).any())
+
+    # A lobe is a product: it is gone when any one of its factors is.
+    return not any(all(map(seen, factors)) for factors in problem.brdf.carriers(name))

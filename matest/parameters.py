@@ -77,7 +77,8 @@ class Parameter:
         gauge: tied to the unknown common light scale: 1 when radiometry is absolute, unknown when it is relative.
         log: varies over decades, so it is searched on a logarithmic grid.
         when: the parameter exists only while these options of its model have one of these values.
-        coloured_when: likewise, what makes it `per_channel`.
+        variants: other attributes that it has while these options have one of these values.
+        periodic: the ends of the domain are the same value.
     """
 
     domain: Domain
@@ -88,15 +89,15 @@ class Parameter:
     gauge: bool = False
     log: bool = False
     when: Mapping[str, tuple[str, ...]] = dataclasses.field(default_factory=dict)
-    coloured_when: Mapping[str, tuple[str, ...]] = dataclasses.field(default_factory=dict)
+    variants: tuple[tuple[Mapping[str, tuple[str, ...]], Mapping[str, Any]], ...] = ()
+    periodic: bool = False
 
     def under(self, options: Mapping[str, str]) -> Parameter | None:
         """The declaration under a model's options; None where the parameter does not exist."""
         if not _met(self.when, options):
             return None
-        if self.coloured_when and _met(self.coloured_when, options):
-            return dataclasses.replace(self, per_channel=True)
-        return self
+        changes = [change for conditions, change in self.variants if _met(conditions, options)]
+        return dataclasses.replace(self, **{name: value for change in changes for name, value in change.items()})
 
 
 def _met(conditions: Mapping[str, tuple[str, ...]], options: Mapping[str, str]) -> bool:

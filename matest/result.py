@@ -48,7 +48,7 @@ class Fit:
         reduced_chi2: mean squared residual in units of the noise variance.
         samples: usable samples (pixels of all images).
         samples_used: of those, the ones in the final pass.
-        iterations: passes over all samples.
+        iterations: evaluations over all samples (all from one pass where the model separates).
         status: "converged" or "not converged".
         message: the same as a sentence.
         errors: what the error bars rest on: "fisher", "jackknife over images" or "jackknife over blocks".

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from matest.brdf import Brdf, Sum, model
+from matest.brdf.base import rest_of
 from matest.errors import InputError, nearest
 from matest.estimators import Problem
 
@@ -50,11 +51,6 @@ def specify(expression: str, constraints: Constraints, *, channels: int, relativ
         InputError: an unknown model or parameter, a value outside its domain, a tie that makes no sense.
     """
     brdf, bracketed = model(expression)
-    if relative and () in brdf.products:
-        raise InputError(
-            f"{expression}: the unknown scale of the light cannot be told from its albedo, which it is not linear in; "
-            'give the lights\' irradiance (radiometry = "absolute") or take oren-nayar or fujii.'
-        )
     fixed = {name: _value(brdf, name, value, channels) for name, value in bracketed.items()}
     for name, value in constraints.fix.items():
         path = resolve(brdf, name)
@@ -90,6 +86,8 @@ def specify(expression: str, constraints: Constraints, *, channels: int, relativ
             held[name] = torch.tensor(declared.held, dtype=torch.float64)
             default_held.append(name)
     free = tuple(name for name in brdf.declared if name not in held and name not in ties)
+    if relative:
+        _check_scale(brdf, free, held, ties)
     return Specification(Problem(brdf, channels, free, held, ties, relative), tuple(default_held))
 
 
@@ -125,6 +123,21 @@ def _beside_body(brdf: Brdf, name: str) -> bool:
     """A `diffuse` part beside another diffuse model is left out: the two could not be told apart."""
     others = brdf.components if isinstance(brdf, Sum) else ()
     return name.endswith(".diffuse") and any(component.body for component in others)
+
+
+def _check_scale(brdf: Brdf, free: Sequence[str], held: Mapping[str, Tensor], ties: Mapping[str, str]) -> None:
+    """Under lights of unknown strength every term needs an amplitude that can take up their scale."""
+    used = {factor for product in brdf.products for factor in product}
+    scales = {name for name in free if brdf.declared[name].per_channel and name in used and rest_of(name) not in used}
+    for product in brdf.products:
+        sources = {ties.get(factor, factor) for factor in product}
+        dark = any(factor in held and not bool(held[factor].any()) for factor in product)
+        if not dark and not sources & scales:
+            raise InputError(
+                f"{brdf.expression}: the strength of the lights is unknown (relative radiometry), and nothing in this "
+                "model may take up its scale; give the lights' irradiance, or free an albedo or specular (with "
+                "fresnel=schlick: --free specular --fix f0=R,G,B)."
+            )
 
 
 def _value(brdf: Brdf, name: str, value: Value, channels: int) -> Tensor:

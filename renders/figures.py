@@ -94,6 +94,10 @@ def on_5() -> Drawn:
     axes.axhline(lambert, color="#999999", linewidth=1, label="Lambert")
     axes.set_ylim(bottom=0)
     axes.legend(frameon=False, fontsize="small")
+
+    def slope(values: Tensor, start: int, end: int) -> float:
+        return 1000 * float(values[end == VIEWS] - values[start == VIEWS])
+
     # The middle section: a constant and a multiple of tan θr, fitted over 0 to 75 degrees.
     middle = (VIEWS >= 0) & (VIEWS <= 75)
     columns = torch.stack([torch.ones(171, dtype=torch.float64), torch.deg2rad(VIEWS).tan()], dim=-1)[middle]
@@ -104,8 +108,9 @@ def on_5() -> Drawn:
     for label, values in (("direct", once), ("total", both), ("eq. 14-16", curves[2][1]), ("eq. 17", curves[3][1])):
         rows.append(f"| {label} | " + " | ".join(f"{1000 * float(v):.1f}" for v in values[at]) + " |")
     measured = (
-        f"The maximum, {1000 * float(both[VIEWS == 85]):.1f} against {lambert:.1f} of Lambert, lies toward the source; "
-        f"the rise stops at θr = 75° exactly ({1000 * float(both[VIEWS == 75]):.1f}). From 0 to 75° the direct part is "
+        f"The maximum, {1000 * float(both[VIEWS == 85]):.1f} against {lambert:.1f} of Lambert, lies toward the source. "
+        f"Before θr = 75° the radiance rises by {slope(both, 74, 75):.1f} a degree, after it by "
+        f"{slope(both, 75, 76):.1f}. From 0 to 75° the direct part is "
         f"C1 + C2 tan θr to {off:.0e} of its maximum. At −75° interreflection is "
         f"{float(1 - once[VIEWS == -75] / both[VIEWS == -75]):.0%} of the radiance.\n\n" + "\n".join(rows)
     )

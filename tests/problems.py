@@ -10,7 +10,7 @@ from torch import Tensor
 
 from matest.estimators import Problem
 from matest.estimators.linearise import Statistics, Sums
-from matest.specification import Constraints, specify
+from matest.specification import Constraints, Value, specify
 
 
 def problem(
@@ -18,7 +18,7 @@ def problem(
     *,
     channels: int = 1,
     relative: bool = False,
-    fix: Mapping[str, float] | None = None,
+    fix: Mapping[str, Value] | None = None,
     free: tuple[str, ...] = (),
     tie: Mapping[str, str] | None = None,
 ) -> Problem:

@@ -79,8 +79,13 @@ def test_domains_read_as_intervals() -> None:
 
 
 def test_declarations_keep_their_order_and_leave_options_out() -> None:
-    assert list(parameters_of(CookTorrance)) == ["diffuse", "specular", "slope", "f0"]
-    assert list(options_of(CookTorrance)) == ["masking", "normalisation"]
+    assert list(parameters_of(CookTorrance)) == [
+        *("diffuse", "specular", "slope", "f0", "f0_mean", "eta", "k"),
+        *("slope_2", "slope_3", "weight_2", "weight_3"),
+    ]
+    assert list(options_of(CookTorrance)) == [
+        *("distribution", "lobes", "masking", "fresnel", "weights", "normalisation"),
+    ]
     assert options_of(OrenNayar) == {}
 
 
@@ -88,7 +93,7 @@ def test_declarations_keep_their_order_and_leave_options_out() -> None:
 def test_defaults_lie_in_their_domains(name: str) -> None:
     brdf = MODELS[name]()
     for key, declared in parameters_of(MODELS[name]).items():
-        assert declared.domain.contains(brdf.parameters[key])
+        assert declared.domain.contains(torch.as_tensor(getattr(brdf, key)))
         assert declared.doc
         assert declared.unit in ("1", "rad", "µm")
         if declared.held is not None:

@@ -98,7 +98,7 @@ class Brdf:
             value = getattr(self, name)
             if name in present:
                 object.__setattr__(self, name, _as_tensor(value, declared, f"{self.name}: {name}"))
-            elif value is not type(self).__dataclass_fields__[name].default:  # type: ignore[attr-defined]
+            elif not _same(value, type(self).__dataclass_fields__[name].default):  # type: ignore[attr-defined]
                 needed = " and ".join(f"{option}={' or '.join(values)}" for option, values in declared.when.items())
                 raise InputError(f"{self.name} has no parameter {name} with these options; it needs {needed}.")
 
@@ -125,15 +125,14 @@ class Brdf:
         anywhere = self.replace({name: torch.tensor(0.5) for name in self.declared})
         return [term.factors for term in anywhere.terms(Directions(normal, normal))]
 
-    def carriers(self, shape: str) -> set[str]:
-        """Names of the parameters that multiply the terms which depend on the shape parameter `shape`."""
+    def carriers(self, shape: str) -> list[tuple[str, ...]]:
+        """The factors of each of the terms that depend on the shape parameter `shape`."""
         wi, wo = torch.tensor([[[0.3, 0.2, 0.93], [0.7, 0.1, 0.7]], [[-0.2, 0.4, 0.89], [0.5, -0.4, 0.77]]])
         directions = Directions(wi, wo)
         middle = {name: torch.tensor(0.5) for name in self.declared}
         here, there = (self.replace({**middle, shape: torch.tensor(v)}).terms(directions) for v in (0.4, 0.6))
         pairs = zip(here, there, strict=True)
-        moved = (one.factors for one, other in pairs if not torch.equal(one.shape, other.shape))
-        return {named_by(factor) for factors in moved for factor in factors}
+        return [one.factors for one, other in pairs if not torch.equal(one.shape, other.shape)]
 
     @property
     def anisotropic(self) -> bool:
@@ -249,6 +248,10 @@ class Sum(Brdf):
             for name, part in self._by_name.items()
             for term in part.terms(directions)
         )
+
+
+def _same(value: Any, default: float) -> bool:
+    return not (isinstance(value, (list, tuple)) or (isinstance(value, Tensor) and value.ndim)) and value == default
 
 
 def _path(component: str, factor: str) -> str:

@@ -30,6 +30,7 @@ _SHARES: dict[str, list[tuple[str, ...]]] = {
 _SLOPE = interval(1e-3, 1)
 _SEVERAL = {"lobes": ("2", "3")}
 _COLOURED = {"fresnel": ("schlick", "colour-shift")}
+_METALLIC = {"fresnel": ("schlick", "colour-shift", "conductor")}
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,19 +48,26 @@ class CookTorrance(Brdf):
     - `masking` G: of V-cavities (the paper's) or Smith's.
     - `fresnel` F: of a `dielectric` with normal reflectance `f0` = ((n−1)/(n+1))²; of a `conductor` of index
       `eta` − i `k`; `schlick`, f0 + (1 − f0)(1 − V·H)⁵; or the paper's interpolation of colours, `colour-shift`, from
-      `f0` toward white as the Fresnel term of a dielectric with the average reflectance `f0_mean` rises. Tensors
-      broadcast: give `f0`, `eta`, `k` one value per channel, or per wavelength of a spectrum.
+      `f0` toward white as the Fresnel term of a dielectric with the average reflectance `f0_mean` (to be given) rises.
+      Where F has a colour, `specular` is held at 1 unless determined. Tensors broadcast: give `f0`, `eta`, `k` one
+      value per channel, or per wavelength of a spectrum.
     - `weights`: `complementary` ties s + d = 1; `diffuse` is then π·Rd alone, the albedo of the body.
     - `normalisation`: `physical` divides by 4, `ngan` by π, `paper1982` by 1: the paper prints D without its 1/π
       beside a divisor π, four times as bright as a mirror can be.
 
     Source: Cook & Torrance 1982; the 1/4 from dω_r = 4 (V·H) dω_h. Limits: single bounce between facets, so rough
-    lobes lose energy (up to 10 % at m = 0.4). A body without complementary weights is not dimmed by the surface on it.
+    lobes lose energy (at m = 0.4 up to 10 %, GGX with Smith's masking 25 %). A body without complementary weights is
+    not dimmed by the surface on it.
     """
 
     diffuse: Tensor = parameter(unit_interval, unit="1", doc="albedo of the body", default=0.5, per_channel=True)
     specular: Tensor = parameter(
-        unit_interval, unit="1", doc="weight of the surface reflection s", default=1.0, per_channel=True
+        unit_interval,
+        unit="1",
+        doc="weight of the surface reflection s",
+        default=1.0,
+        per_channel=True,
+        variants=((_METALLIC, {"held": 1.0}),),
     )
     slope: Tensor = parameter(_SLOPE, unit="1", doc="rms slope of the facets m", default=0.2, log=True)
     f0: Tensor = parameter(
@@ -70,14 +78,13 @@ class CookTorrance(Brdf):
         held=0.04,
         log=True,
         when={"fresnel": ("dielectric", "schlick", "colour-shift")},
-        coloured_when=_COLOURED,
+        variants=((_COLOURED, {"per_channel": True, "held": None}),),
     )
     f0_mean: Tensor = parameter(
         unit_interval,
         unit="1",
         doc="average of f0 over wavelengths",
         default=0.04,
-        held=0.04,
         log=True,
         when={"fresnel": ("colour-shift",)},
     )

@@ -112,10 +112,13 @@ def _weights(sigma: Tensor, slopes: int) -> Tensor:
     return torch.softmax(log_measure - 0.5 * (t / sigma[..., None]).square(), dim=-1) / math.pi
 
 
-@lru_cache(maxsize=8)
 def _slopes(count: int) -> tuple[Tensor, Tensor]:
     """Slope nodes t [Q] in radians, and log(sin t dt) at each."""
-    x, w = (torch.from_numpy(array) for array in roots_legendre(count))
+    x, w = (torch.from_numpy(array) for array in _legendre(count))
     u = (x + 1) / 2
     t = math.pi / 2 * u**_CROWDING
     return t, (t.sin() * w * u ** (_CROWDING - 1)).log()
+
+
+# Arrays, not tensors: a tensor made in inference mode could not be differentiated later.
+_legendre = lru_cache(maxsize=8)(roots_legendre)

@@ -24,8 +24,9 @@ class OrenNayarSingleSlope(Brdf):
     f = mean over both facets of (Lrp¹ + Lrp²)/(E0 cos θi), ρ and ρ² apart
 
     `albedo` ρ is the albedo of a facet, `facet_angle` t (rad) its tilt, `azimuth` ψ (rad) the direction across the
-    grooves, counted from the tangent toward the bitangent (for a mesh or normal map, from the projection of the
-    world's x axis); values half a turn apart are the same surface. `interreflection` as in `OrenNayar`.
+    grooves, counted from the tangent toward the bitangent; values half a turn apart are the same surface. For a mesh or
+    normal map the tangent is the projection of the world's x axis, or of its y axis where the normal is within 26° of
+    x. `interreflection` as in `OrenNayar`.
 
     With `isotropic=true` the mean over ψ is taken (64 midpoints of half a turn) and there is no `azimuth`. Shapes as
     `Brdf`.
@@ -42,6 +43,7 @@ class OrenNayarSingleSlope(Brdf):
         doc="direction across the grooves",
         default=0.0,
         when={"isotropic": ("false",)},
+        periodic=True,
     )
     interreflection: Tensor = parameter(
         non_negative, unit="1", doc="strength of the second bounce", default=1.0, gauge=True

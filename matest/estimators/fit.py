@@ -83,7 +83,8 @@ def fit(
     reference = pilots.unknowns
     progress("refining over all samples")
     evaluate = _passes(pilots.problem, AllTiles(samples), reference, reference)
-    return minimise(pilots.problem, reference, evaluate, passes=_FULL_PASSES, tolerance=0.03)
+    found = minimise(pilots.problem, reference, evaluate, passes=_FULL_PASSES, tolerance=0.03)
+    return replace(found, unknowns=found.problem.wrapped(found.unknowns))
 
 
 @dataclass(frozen=True)

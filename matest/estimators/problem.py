@@ -63,6 +63,8 @@ class Problem:
 
     def domain(self, name: str) -> Domain:
         declared = self.declared(name)
+        if declared.periodic:
+            return Domain(-math.inf, math.inf)
         if declared.gauge:
             return Domain(declared.domain.lower, self.gauge_limit)
         carries_scale = self.relative and declared.per_channel and name in self._scales
@@ -135,6 +137,15 @@ class Problem:
             values[name] = unknowns[place] if self.count(name) > 1 else unknowns[place.start]
         values.update({name: values[source] for name, source in self.ties.items()})
         return values
+
+    def wrapped(self, unknowns: Tensor) -> Tensor:
+        """The same unknowns with periodic ones inside their domain."""
+        out = unknowns.clone()
+        for name, place in self.where.items():
+            declared = self.declared(name)
+            if declared.periodic:
+                out[place] = declared.domain.lower + (out[place] - declared.domain.lower) % declared.domain.width
+        return out
 
     def material(self, unknowns: Tensor) -> Brdf:
         return self.brdf.replace(self.values(unknowns))

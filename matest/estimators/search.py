@@ -128,6 +128,9 @@ def _separated(problem: Problem, batches: list[Batch], points: list[Tensor]) -> 
 
 def _grid(problem: Problem, name: str, count: int) -> list[float]:
     domain = problem.domain(name)
+    if problem.declared(name).periodic:
+        own = problem.declared(name).domain
+        return [own.lower + own.width * node / count for node in range(count)]
     if problem.declared(name).log:
         low = max(domain.lower, _LOG_START * domain.upper)
         return torch.logspace(math.log10(low), math.log10(0.95 * domain.upper), count).tolist()

@@ -42,7 +42,9 @@ class Coefficients:
 def separates(problem: Problem) -> bool:
     """Whether no image depends on a parameter that is estimated."""
     terms, _ = _probe(problem, torch.full((problem.size,), 0.5, dtype=torch.float64), 1)
-    return not any(term.images is None and term.shape.requires_grad for term in terms)
+    return all(
+        term.images is not None or (term.shape.shape[-1] == 1 and not term.shape.requires_grad) for term in terms
+    )
 
 
 def coefficients(problem: Problem, unknowns: Tensor) -> Coefficients:
@@ -104,10 +106,8 @@ class Moments:
     Attributes:
         gram: ΦᵀWΦ [C, K, K].
         moment: ΦᵀWr [C, K].
-        plain_gram: ΦᵀΦ over the values that count.
-        plain_moment: Φᵀr over them.
         chi2: rᵀWr.
-        squared_residual: rᵀr over them.
+        squared_residual: rᵀr over the values that count.
         squared_signal: yᵀy over them.
         values: their number.
         samples: number of samples.
@@ -115,8 +115,6 @@ class Moments:
 
     gram: Tensor
     moment: Tensor
-    plain_gram: Tensor
-    plain_moment: Tensor
     chi2: float
     squared_residual: float
     squared_signal: float
@@ -127,13 +125,11 @@ class Moments:
     def of(cls, images: Tensor, signal: Tensor, weight: Tensor, residual: Tensor) -> Moments:
         """Of images [C, n, K] and signal, weight and residual [n, C]."""
         counts = (weight > 0).to(weight)
-        weighted, counted = images * weight.T[..., None], images * counts.T[..., None]
+        weighted = images * weight.T[..., None]
         columns = residual.T[..., None]
         return cls(
             gram=(weighted.mT @ images).double().cpu(),
             moment=(weighted.mT @ columns)[..., 0].double().cpu(),
-            plain_gram=(counted.mT @ images).double().cpu(),
-            plain_moment=(counted.mT @ columns)[..., 0].double().cpu(),
             chi2=float((weight * residual.square()).sum(dtype=torch.float64)),
             squared_residual=float((counts * residual.square()).sum(dtype=torch.float64)),
             squared_signal=float((counts * signal.square()).sum(dtype=torch.float64)),
@@ -164,7 +160,7 @@ class Compressed:
         return sum(list(self.clusters.values())[1:], start=next(iter(self.clusters.values())))
 
     def statistics(self, unknowns: Tensor) -> Statistics:
-        """What a pass over the samples at u [P] would give."""
+        """What a pass over the samples at u [P] would give; the squared residual stays that at the origin."""
         at = coefficients(self.problem, unknowns)
         change = at.total - self.origin
         # Derivatives of the coefficients of each channel by u, [C, K, P].
@@ -172,13 +168,12 @@ class Compressed:
         out = Statistics()
         for label, own in self.clusters.items():
             moved = (own.gram @ change[..., None])[..., 0]
-            plain = (own.plain_gram @ change[..., None])[..., 0]
             sums = Sums(
                 information=(slopes.mT @ own.gram @ slopes).sum(0),
                 gradient=(slopes.mT @ (own.moment - moved)[..., None]).sum(0)[:, 0],
                 chi2=own.chi2 + float((change * (moved - 2 * own.moment)).sum()),
                 values=own.values,
-                squared_residual=own.squared_residual + float((change * (plain - 2 * own.plain_moment)).sum()),
+                squared_residual=own.squared_residual,
                 squared_signal=own.squared_signal,
                 samples=own.samples,
             )

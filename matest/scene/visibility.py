@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
@@ -64,13 +65,17 @@ def unoccluded_fraction(surface: Surface) -> np.ndarray | None:
     radius, angle = np.sqrt(number / _SKY_RAYS), number * (math.pi * (3 - math.sqrt(5)))
     turn = np.random.default_rng(0).uniform(0, 2 * math.pi, len(surface))
     free = np.empty(len(surface), dtype=np.float32)
-    for part in np.array_split(np.arange(len(surface)), max(len(surface) // _SKY_TILE, 1)):
+
+    def trace(part: np.ndarray) -> None:
         along = turn[part, None] + angle
         x, y, z = radius * np.cos(along), radius * np.sin(along), np.sqrt(1 - radius * radius)
         frame = (tangent[part, None], bitangent[part, None], normals[part, None])
         toward = x[..., None] * frame[0] + y[..., None] * frame[1] + z[:, None] * frame[2]
         start = np.repeat(origins[part], _SKY_RAYS, axis=0)
         free[part] = 1 - mesh.blocked(start, toward.reshape(-1, 3)).reshape(-1, _SKY_RAYS).mean(axis=1)
+
+    with ThreadPoolExecutor() as pool:
+        list(pool.map(trace, np.array_split(np.arange(len(surface)), max(len(surface) // _SKY_TILE, 1))))
     return free
 
 

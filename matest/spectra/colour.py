@@ -37,7 +37,7 @@ def to_rgb(spectrum: Tensor, wavelengths: Tensor = VISIBLE, illuminant: str = "D
 
     Source: CIE 15, 2° observer of 1931; Cook & Torrance 1982; M⁻¹ of IEC 61966-2-1.
     """
-    return spectrum @ _weights(illuminant, tuple(wavelengths.tolist())).to(spectrum)
+    return spectrum @ torch.from_numpy(_weights(illuminant, tuple(wavelengths.tolist()))).to(spectrum)
 
 
 def illuminant(name: str, wavelengths: Tensor = VISIBLE) -> Tensor:
@@ -90,7 +90,7 @@ def desaturate(rgb: Tensor) -> Tensor:
 
 
 @lru_cache
-def _weights(name: str, wavelengths: tuple[float, ...]) -> Tensor:
+def _weights(name: str, wavelengths: tuple[float, ...]) -> np.ndarray:
     """RGB [Λ, 3] per unit of reflectance at each wavelength."""
     import colour
 
@@ -101,4 +101,5 @@ def _weights(name: str, wavelengths: tuple[float, ...]) -> Tensor:
     power = illuminant(name, torch.from_numpy(at)).numpy() * np.gradient(at)
     response = [np.interp(1000 * at, observer.wavelengths, values, left=0, right=0) for values in observer.values.T]
     xyz = power * np.stack(response)
-    return torch.from_numpy((np.array(_RGB_OF_XYZ) @ xyz / xyz[1].sum()).T)
+    # An array, not a tensor: one made in inference mode could not be differentiated later.
+    return (np.array(_RGB_OF_XYZ) @ xyz / xyz[1].sum()).T

@@ -169,7 +169,11 @@ def test_isotropic_models_do_not_see_the_frame_turn(expression: str) -> None:
 
 def test_conditional_parameters_follow_the_options() -> None:
     declared = Parameter(
-        unit_interval, "1", "", when={"fresnel": ("schlick", "conductor")}, coloured_when={"fresnel": ("conductor",)}
+        unit_interval,
+        "1",
+        "",
+        when={"fresnel": ("schlick", "conductor")},
+        variants=(({"fresnel": ("conductor",)}, {"per_channel": True}),),
     )
     assert declared.under({"fresnel": "dielectric", "lobes": "1"}) is None
     plain, coloured = (declared.under({"fresnel": chosen, "lobes": "1"}) for chosen in ("schlick", "conductor"))
@@ -196,7 +200,7 @@ def test_conditions_name_options_and_choices_that_exist() -> None:
         conditions = [
             condition
             for declared in parameters_of(kind).values()
-            for condition in (declared.when, declared.coloured_when)
+            for condition in (declared.when, *(conditions for conditions, _ in declared.variants))
         ]
         excluded = [{key: (value,) for key, value in combination.items()} for combination, _ in kind.excluded]
         for condition in [*conditions, *excluded]:

@@ -44,7 +44,7 @@ def test_statistics_are_those_of_a_pass(chosen: Problem, ambient: float) -> None
     tiles = tiled(samples(ambient), 100)
     compressed = compress(chosen, tiles, unknowns, reference)
     for at in (unknowns, moved(unknowns)):
-        assert_same(compressed.statistics(at), accumulate(chosen, at, tiles, reference))
+        assert_same(compressed.statistics(at), accumulate(chosen, at, tiles, reference), residual=at is unknowns)
 
 
 def test_the_integral_separates_into_its_slope_nodes() -> None:
@@ -55,14 +55,15 @@ def test_the_integral_separates_into_its_slope_nodes() -> None:
     compressed = compress(chosen, tiles, unknowns, None)
     assert compressed.origin.shape == (3, 16 + 12)
     for at in (unknowns, moved(unknowns)):
-        assert_same(compressed.statistics(at), accumulate(chosen, at, tiles, None))
+        assert_same(compressed.statistics(at), accumulate(chosen, at, tiles, None), residual=at is unknowns)
 
 
 def test_residuals_from_the_measured_radiance_give_the_same_statistics() -> None:
     chosen = problem("fujii", channels=3)
     unknowns = ordinary(chosen, seed=4)
     tiles = tiled(samples(), 1000)
-    assert_same(compress(chosen, tiles, None, None).statistics(unknowns), accumulate(chosen, unknowns, tiles, None))
+    found = compress(chosen, tiles, None, None).statistics(unknowns)
+    assert_same(found, accumulate(chosen, unknowns, tiles, None), residual=False)
 
 
 def test_light_whose_fitted_reflectance_is_negative_gives_nothing() -> None:
@@ -83,6 +84,11 @@ def test_light_whose_fitted_reflectance_is_negative_gives_nothing() -> None:
 )
 def test_models_with_lobes_of_estimated_width_do_not_separate(expression: str) -> None:
     assert not separates(problem(expression, channels=3))
+
+
+def test_a_fixed_shape_with_a_value_per_channel_does_not_separate() -> None:
+    chosen = problem("cook-torrance", channels=3, fix={"slope": 0.2, "f0": (0.3, 0.4, 0.5)})
+    assert not separates(chosen)
 
 
 @pytest.mark.parametrize("expression", ["oren-nayar", "fujii", "lambert"])
