@@ -15,6 +15,9 @@ from torch import Tensor
 _SIN2_FLOOR = 1e-16
 # Likewise for the half azimuth, and for the height of L + V where they graze from opposite sides.
 _HALF_AZIMUTH_FLOOR, _HALF_Z_FLOOR = 1e-12, 1e-5
+# atan²(x) = Σ (−1)^(n−1) (1 + 1/3 + … + 1/(2n−1)) x^(2n)/n: exact in float64 with six terms below x² = this.
+_ATAN2_SMALL = 1e-3
+_ATAN2_SERIES = [(-1) ** (n - 1) * sum(1 / (2 * k + 1) for k in range(n)) / n for n in range(1, 7)]
 
 
 class Directions:
@@ -109,6 +112,16 @@ class Directions:
     def theta_half(self) -> Tensor:
         """α itself, by atan2: its derivative stays finite at α = 0."""
         return torch.atan2(self._half_tangential_squared.clamp(min=1e-20).sqrt(), self._half_z)
+
+    @cached_property
+    def theta2_half(self) -> Tensor:
+        """α² = atan²(√tan²α), smooth in L and V: near 0 by its series, which needs no root."""
+        u = self.tan2_half
+        small, series = u.clamp(max=_ATAN2_SMALL), torch.zeros_like(u)
+        for coefficient in reversed(_ATAN2_SERIES):
+            series = small * (coefficient + series)
+        root = u.clamp(min=_ATAN2_SMALL).sqrt()
+        return torch.where(u < _ATAN2_SMALL, series, root.atan().square())
 
     @cached_property
     def _half_z(self) -> Tensor:

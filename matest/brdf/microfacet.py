@@ -46,7 +46,7 @@ def gaussian(directions: Directions, slope: Tensor) -> Tensor:
     Source: Cook & Torrance 1982, with their arbitrary constant c determined.
     """
     m = slope.clamp(_SLOPE_FLOOR, 1.0)
-    return torch.exp(-(directions.theta_half / m).square()) * gaussian_constant(m)
+    return torch.exp(-directions.theta2_half / m.square()) * gaussian_constant(m)
 
 
 def gaussian_constant(slope: Tensor) -> Tensor:

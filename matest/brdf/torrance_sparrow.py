@@ -46,5 +46,5 @@ class TorranceSparrow(Brdf):
 
     def terms(self, directions: Directions) -> tuple[Term, ...]:
         spread = self.sigma.clamp(min=_SIGMA_FLOOR)
-        lobe = torch.exp(-0.5 * (directions.theta_half / spread).square())
+        lobe = torch.exp(-0.5 * directions.theta2_half / spread.square())
         return (Term(("specular",), 4 * lobe * v_cavity(directions)),)
