@@ -203,15 +203,23 @@ def _faint(solution: Solution, bars: ErrorBars, name: str) -> bool:
     if name not in problem.shapes:
         return False
     values = problem.values(solution.unknowns)
+    information = solution.statistics.information / solution.statistics.misfit
+    # How much wider honest error bars are than those of the noise alone.
+    wider = (bars.open.std / fisher(information, torch.ones(problem.size, dtype=torch.bool)).std).nan_to_num(1.0)
 
-    def seen(factor: str) -> bool:
-        """Whether a factor is distinguishable from zero in any channel."""
-        value = factor_value(factor, values)
+    def seen(factor: str, product: tuple[str, ...]) -> bool:
+        """Whether a factor differs from zero in any channel, the other factors of its product and all shapes given."""
+        value = factor_value(factor, values).reshape(-1)
         source = problem.ties.get(named_by(factor), named_by(factor))
-        if source in problem.gauges:
-            return True
-        std = bars.open.std[problem.where[source]] if source in problem.where else torch.zeros(1)
-        return bool((value.reshape(-1) > _VISIBLE * std).any())
+        if source in problem.gauges or source not in problem.where:
+            return source in problem.gauges or bool((value != 0).any())
+        others = {problem.ties.get(named_by(other), named_by(other)) for other in product} - {source}
+        beside = torch.zeros(problem.size, dtype=torch.bool)
+        for name in {*problem.amplitudes} - others:
+            beside[problem.where[name]] = True
+        std = (fisher(information, beside).std * wider)[problem.where[source]]
+        return bool((value > _VISIBLE * std).any())
 
     # A lobe is a product: it is gone when any one of its factors is.
-    return not any(all(map(seen, factors)) for factors in problem.brdf.carriers(name))
+    products = problem.brdf.carriers(name)
+    return not any(all(seen(factor, product) for factor in product) for product in products)

@@ -135,7 +135,9 @@ def _material(table: dict[str, Any], label: str) -> Brdf:
     """The model of a [material] table: a preset, or parameters by name, by path, or in a table per component."""
     values = dict(table)
     expression, name = values.pop("model", None), values.pop("preset", None)
-    if not isinstance(expression if name is None else name, str) or (expression is not None and name is not None):
+    if expression is not None and name is not None:
+        raise InputError(f"{label}: [material] has both model and preset; give one of them.")
+    if not isinstance(expression if name is None else name, str):
         raise InputError(
             f'{label}: [material] needs model = "NAME" or preset = "NAME"; \'matest models\' lists the names.'
         )
@@ -143,7 +145,7 @@ def _material(table: dict[str, Any], label: str) -> Brdf:
         if name is not None:
             known = preset(name, values.pop("f0", None))
             if values:
-                raise InputError(f"a preset takes no other parameter than f0; got {', '.join(values)}.")
+                raise InputError(f"a preset has parameters of its own; leave out {', '.join(values)}.")
             return known
         brdf, fixed = model(expression)
         flat: dict[str, Any] = dict(fixed)

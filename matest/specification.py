@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from matest.brdf import Brdf, Sum, model
-from matest.brdf.base import rest_of
+from matest.brdf.base import absent, rest_of
 from matest.errors import InputError, nearest
 from matest.estimators import Problem
 
@@ -116,7 +116,9 @@ def resolve(brdf: Brdf, name: str) -> str:
         return paths[0]
     if paths:
         raise InputError(f"'{name}' is ambiguous in the model '{brdf.expression}': write one of {', '.join(paths)}.")
-    raise InputError(f"the model '{brdf.expression}' has no parameter '{name}'; {nearest(name, known)}")
+    raise InputError(
+        absent(brdf, name) or f"the model '{brdf.expression}' has no parameter '{name}'; {nearest(name, known)}"
+    )
 
 
 def _beside_body(brdf: Brdf, name: str) -> bool:

@@ -108,7 +108,8 @@ def on_5() -> Drawn:
     for label, values in (("direct", once), ("total", both), ("eq. 14-16", curves[2][1]), ("eq. 17", curves[3][1])):
         rows.append(f"| {label} | " + " | ".join(f"{1000 * float(v):.1f}" for v in values[at]) + " |")
     measured = (
-        f"The maximum, {1000 * float(both[VIEWS == 85]):.1f} against {lambert:.1f} of Lambert, lies toward the source. "
+        f"In units of 1000 Lr/E0: the maximum, {1000 * float(both[VIEWS == 85]):.1f} against {lambert:.1f} of Lambert, "
+        "lies toward the source. "
         f"Before θr = 75° the radiance rises by {slope(both, 74, 75):.1f} a degree, after it by "
         f"{slope(both, 75, 76):.1f}. From 0 to 75° the direct part is "
         f"C1 + C2 tan θr to {off:.0e} of its maximum. At −75° interreflection is "
@@ -229,7 +230,8 @@ def ct_5() -> Drawn:
     half = theta[(exact[:, 2] - exact[0, 2]) > 0.5 * (1 - exact[0, 2])][0]
     measured = (
         f"At normal incidence the colour is {', '.join(f'{float(c):.3f}' for c in exact[0])} (linear RGB, D65); half "
-        f"of the shift of blue toward white is reached at {float(half):.1f}°. The interpolation is off by "
+        f"of the shift of blue toward white is reached at {float(half):.1f}°. The interpolation shifts much later: the "
+        "dielectric that stands for copper (k = 0) dips below F(0) before it rises. It is off by "
         f"{', '.join(worst)} (largest channel, unit white)."
     )
     return Drawn(figure, measured)
@@ -289,6 +291,9 @@ FIGURES: dict[str, Entry] = {
 
 def main(names: list[str]) -> None:
     """Draw the named figures, or all, and the page that shows them."""
+    unknown = [name for name in names if name not in FIGURES]
+    if unknown:
+        sys.exit(f"no figure {', '.join(unknown)}; there are {', '.join(FIGURES)}.")
     HERE.mkdir(exist_ok=True)
     chosen = {name: entry for name, entry in FIGURES.items() if not names or name in names}
     page = ["# Figures of the papers", "", "Made by `python renders/figures.py`.", ""]

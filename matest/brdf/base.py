@@ -87,7 +87,8 @@ class Brdf:
 
     def __post_init__(self) -> None:
         for name, choices in options_of(type(self)).items():
-            value = getattr(self, name)
+            value = _as_choice(getattr(self, name))
+            object.__setattr__(self, name, value)
             if value not in choices:
                 raise InputError(f"{self.name}: {name} must be one of {', '.join(choices)}; got '{value}'.")
         for combination, reason in self.excluded:
@@ -99,8 +100,7 @@ class Brdf:
             if name in present:
                 object.__setattr__(self, name, _as_tensor(value, declared, f"{self.name}: {name}"))
             elif not _same(value, type(self).__dataclass_fields__[name].default):  # type: ignore[attr-defined]
-                needed = " and ".join(f"{option}={' or '.join(values)}" for option, values in declared.when.items())
-                raise InputError(f"{self.name} has no parameter {name} with these options; it needs {needed}.")
+                raise InputError(absent(self, name) or "")
 
     def terms(self, directions: Directions) -> tuple[Term, ...]:
         """The model's terms at directions above the horizon."""
@@ -173,7 +173,9 @@ class Brdf:
         """
         for name in values:
             if name not in self.declared:
-                raise InputError(f"{self.name} has no parameter '{name}'; {nearest(name, self.declared)}")
+                raise InputError(
+                    absent(self, name) or f"{self.name} has no parameter '{name}'; {nearest(name, self.declared)}"
+                )
         return dataclasses.replace(self, **values)  # type: ignore[type-var]
 
     def evaluate(self, directions: Directions) -> Tensor:
@@ -248,6 +250,23 @@ class Sum(Brdf):
             for name, part in self._by_name.items()
             for term in part.terms(directions)
         )
+
+
+def absent(brdf: Brdf, name: str) -> str | None:
+    """Why a model lacks a parameter that other options would give it; None if no option does."""
+    for part in _components(brdf):
+        declared = parameters_of(type(part)).get(name.rpartition(".")[2])
+        if declared is not None and declared.when:
+            needed = " and ".join(f"{option}={' or '.join(values)}" for option, values in declared.when.items())
+            return f"{part.name} has no parameter {name.rpartition('.')[2]} with these options; it needs {needed}."
+    return None
+
+
+def _as_choice(value: Any) -> Any:
+    """Options are words; a number or a truth value is taken as the word for it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return str(value) if isinstance(value, int) else value
 
 
 def _same(value: Any, default: float) -> bool:

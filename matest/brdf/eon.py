@@ -18,7 +18,7 @@ _C2 = 2 / 3 - 28 / (15 * math.pi)
 
 @dataclass(frozen=True, eq=False)
 class Eon(Brdf):
-    """Fujii's own model, with the light it loses given back as a diffuse lobe.
+    """Fujii's single-scattering model with a roughness of its own, and the light it loses given back as a diffuse lobe.
 
     f = (ρ A/π) (1 + r s/t) + (ρms/π) A r (c1 − G(θi)/π) (c1 − G(θr)/π) / (c1 − c2),   A = 1/(1 + c1 r)
     ρms = ρ² Ē / (1 − ρ(1 − Ē)),   Ē = A (1 + c2 r),   c1 = 1/2 − 2/(3π),   c2 = 2/3 − 28/(15π)

@@ -77,7 +77,8 @@ def models_table(models: Mapping[str, type[Brdf]]) -> Group:
                 meaning += f"; with {option} = {' | '.join(values)}"
             table.add_row(f"  {parameter}", f"{declared.domain}{unit}", Text(meaning))
         for option, choices in options_of(model).items():
-            table.add_row(f"  {option} =", "", " | ".join(choices))
+            default = model.__dataclass_fields__[option].default  # type: ignore[attr-defined]
+            table.add_row(f"  {option} =", "", " | ".join(c + " (default)" * (c == default) for c in choices))
         parts += [table, Text()]
     return Group(*parts)
 
