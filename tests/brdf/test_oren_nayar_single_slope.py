@@ -117,7 +117,7 @@ def test_only_parallel_grooves_have_an_azimuth() -> None:
     assert [*every.declared] == ["albedo", "facet_angle", "interreflection"]
     assert parallel.anisotropic
     assert not every.anisotropic
-    with pytest.raises(InputError, match="no parameter 'azimuth'"):
+    with pytest.raises(InputError, match="no parameter azimuth with these options; it needs isotropic=false"):
         every.replace({"azimuth": 0.1})
 
 
