@@ -65,6 +65,11 @@ class Directions:
         return self._wi[0] * self._wo[0] + self._wi[1] * self._wo[1]
 
     @cached_property
+    def crosswise(self) -> Tensor:
+        """sin θi sin θr sin(φr − φi)."""
+        return self._wi[0] * self._wo[1] - self._wi[1] * self._wo[0]
+
+    @cached_property
     def azimuthal(self) -> Tensor:
         """s / t: s = `tangential`, t = max(cos θi, cos θr) on the side of the light (s > 0), 1 on the far side."""
         t = torch.maximum(self.cos_i, self.cos_o).clamp(min=1e-6)
@@ -81,6 +86,17 @@ class Directions:
         length = (cos2 + sin2).sqrt()
         return cos2.sqrt() / length, sin2.sqrt() / length
 
+    @cached_property
+    def along_tangent(self) -> tuple[Tensor, Tensor]:
+        """cos² of the azimuths of L and V from the tangent; undefined, and finite, at the normal."""
+        return (self._wi[0] / self.sin_i).square(), (self._wo[0] / self.sin_o).square()
+
+    @cached_property
+    def mirror_chord2(self) -> Tensor:
+        """|R − L|² = 2 (1 − cos γ), γ the angle between L and the mirror direction R of V."""
+        x, y, z = self._wi[0] + self._wo[0], self._wi[1] + self._wo[1], self._wi[2] - self._wo[2]
+        return x * x + y * y + z * z
+
     def along(self, azimuth: Tensor) -> tuple[Tensor, Tensor]:
         """Tangential components of L and V along an azimuth in radians, from the tangent toward the bitangent."""
         x, y = azimuth.cos(), azimuth.sin()
@@ -89,7 +105,7 @@ class Directions:
     @cached_property
     def half_squared(self) -> Tensor:
         """|L + V|² = 4 cos²θh, θh the angle between light and half vector. Positive above the horizon."""
-        return self._half_tangential_squared + self._half_z * self._half_z
+        return self._half_tangential_squared + self.half_z * self.half_z
 
     @cached_property
     def cos_d(self) -> Tensor:
@@ -97,10 +113,30 @@ class Directions:
         return (0.5 * self.half_squared.sqrt()).clamp(max=1.0)
 
     @cached_property
+    def short_d(self) -> Tensor:
+        """1 − cos θh = sin²θh/(1 + cos θh) with 4 sin²θh = |L − V|²: accurate where L and V are close."""
+        squares = [(a - b).square() for a, b in zip(self._wi, self._wo, strict=True)]
+        return 0.25 * (squares[0] + squares[1] + squares[2]) / (1 + self.cos_d)
+
+    @cached_property
+    def short_i(self) -> Tensor:
+        """1 − cos θi, accurate near the normal."""
+        return self.sin_i.square() / (1 + self.cos_i)
+
+    @cached_property
+    def short_o(self) -> Tensor:
+        return self.sin_o.square() / (1 + self.cos_o)
+
+    @cached_property
+    def half_slopes(self) -> tuple[Tensor, Tensor]:
+        """Slopes along tangent and bitangent of the facet that mirrors L to V: Hx/Hz, Hy/Hz."""
+        x, y = self._wi[0] + self._wo[0], self._wi[1] + self._wo[1]
+        return x / self.half_z, y / self.half_z
+
+    @cached_property
     def tan2_half(self) -> Tensor:
-        """tan²α, α the angle between half vector and normal: the squared slope of the facet that mirrors L to V."""
-        x = (self._wi[0] + self._wo[0]) / self._half_z
-        y = (self._wi[1] + self._wo[1]) / self._half_z
+        """tan²α, α the angle between half vector and normal."""
+        x, y = self.half_slopes
         return x * x + y * y
 
     @cached_property
@@ -111,7 +147,7 @@ class Directions:
     @cached_property
     def theta_half(self) -> Tensor:
         """α itself, by atan2: its derivative stays finite at α = 0."""
-        return torch.atan2(self._half_tangential_squared.clamp(min=1e-20).sqrt(), self._half_z)
+        return torch.atan2(self._half_tangential_squared.clamp(min=1e-20).sqrt(), self.half_z)
 
     @cached_property
     def theta2_half(self) -> Tensor:
@@ -124,7 +160,8 @@ class Directions:
         return torch.where(u < _ATAN2_SMALL, series, root.atan().square())
 
     @cached_property
-    def _half_z(self) -> Tensor:
+    def half_z(self) -> Tensor:
+        """cos θi + cos θr, the height of L + V."""
         # Floored here and nowhere else, so that cosine and tangent of α agree when L and V graze from opposite sides.
         return (self.cos_i + self.cos_o).clamp(min=_HALF_Z_FLOOR)
 

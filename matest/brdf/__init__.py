@@ -3,17 +3,31 @@
 from __future__ import annotations
 
 from matest.brdf.base import Brdf, Sum, Term
+from matest.brdf.blinn_phong import BlinnPhong
 from matest.brdf.cook_torrance import CookTorrance
 from matest.brdf.eon import Eon
 from matest.brdf.expression import parse
 from matest.brdf.fujii import Fujii
+from matest.brdf.guidelines import Assembly, assemble
+from matest.brdf.he_torrance import HeTorrance
+from matest.brdf.lafortune import Lafortune
 from matest.brdf.lambert import Lambert
+from matest.brdf.li_torrance import (
+    Coherent,
+    DirectionalDiffuse,
+    FirstSurfaceDiffuse,
+    ForwardScattering,
+    LiTorrance,
+    SubsurfaceDiffuse,
+)
+from matest.brdf.neumann_neumann import NeumannNeumann
 from matest.brdf.oren_nayar import OrenNayar
 from matest.brdf.oren_nayar_exact import OrenNayarExact
 from matest.brdf.oren_nayar_qualitative import OrenNayarQualitative
 from matest.brdf.oren_nayar_single_slope import OrenNayarSingleSlope
 from matest.brdf.presets import PRESETS, preset
 from matest.brdf.torrance_sparrow import TorranceSparrow
+from matest.brdf.ward import Ward
 from matest.parameters import options_of
 
 MODELS: dict[str, type[Brdf]] = {
@@ -28,6 +42,17 @@ MODELS: dict[str, type[Brdf]] = {
         Eon,
         TorranceSparrow,
         CookTorrance,
+        LiTorrance,
+        DirectionalDiffuse,
+        FirstSurfaceDiffuse,
+        SubsurfaceDiffuse,
+        ForwardScattering,
+        Coherent,
+        HeTorrance,
+        BlinnPhong,
+        NeumannNeumann,
+        Lafortune,
+        Ward,
     )
 }
 
@@ -55,18 +80,31 @@ def variants() -> list[str]:
 __all__ = [
     "MODELS",
     "PRESETS",
+    "Assembly",
+    "BlinnPhong",
     "Brdf",
+    "Coherent",
     "CookTorrance",
+    "DirectionalDiffuse",
     "Eon",
+    "FirstSurfaceDiffuse",
+    "ForwardScattering",
     "Fujii",
+    "HeTorrance",
+    "Lafortune",
     "Lambert",
+    "LiTorrance",
+    "NeumannNeumann",
     "OrenNayar",
     "OrenNayarExact",
     "OrenNayarQualitative",
     "OrenNayarSingleSlope",
+    "SubsurfaceDiffuse",
     "Sum",
     "Term",
     "TorranceSparrow",
+    "Ward",
+    "assemble",
     "model",
     "preset",
     "variants",

@@ -161,5 +161,6 @@ class CookTorrance(Brdf):
             return [((), dielectric(cos_d, self.f0))]
         if self.fresnel == "conductor":
             return [((), conductor(cos_d, self.eta, self.k))]
-        risen = schlick_weight(cos_d) if self.fresnel == "schlick" else colour_shift_weight(cos_d, self.f0_mean)
+        shift = self.fresnel == "colour-shift"
+        risen = colour_shift_weight(cos_d, self.f0_mean) if shift else schlick_weight(directions.short_d)
         return [(("f0",), torch.ones_like(risen)), ((rest_of("f0"),), risen)]

@@ -53,13 +53,14 @@ def conductor(cos_d: Tensor, eta: Tensor, k: Tensor) -> Tensor:
     return 0.5 * senkrecht * (1 + ratio)
 
 
-def schlick_weight(cos_d: Tensor) -> Tensor:
+def schlick_weight(short: Tensor) -> Tensor:
     """(1 − c)⁵, the share by which the reflectance has risen from its normal value to 1: F = f0 + (1 − f0)(1 − c)⁵.
+
+    `short` is 1 − c, formed without cancellation (`Directions.short_d`).
 
     Source: Schlick 1994.
     """
-    rest = 1 - cos_d
-    return rest.square().square() * rest
+    return short.square().square() * short
 
 
 def colour_shift_weight(cos_d: Tensor, f0_mean: Tensor) -> Tensor:

@@ -38,6 +38,19 @@ def beckmann(directions: Directions, slope: Tensor) -> Tensor:
     return torch.exp(-exponent.clamp(max=_EXPONENT_LIMIT)) / (math.pi * m2 * cos2.square())
 
 
+def beckmann_anisotropic(directions: Directions, slope_x: Tensor, slope_y: Tensor) -> Tensor:
+    """Beckmann's distribution with different rms slopes along tangent and bitangent, normalised, in 1/sr.
+
+    D = exp(−(hx²/mx² + hy²/my²)) / (π mx my cos⁴α), hx, hy the slopes of the facet. Shapes and floor as `beckmann`.
+    """
+    mx, my = slope_x.clamp(min=_SLOPE_FLOOR), slope_y.clamp(min=_SLOPE_FLOOR)
+    hx, hy = directions.half_slopes
+    exponent = (hx / mx).square() + (hy / my).square()
+    seen = exponent < _EXPONENT_LIMIT
+    cos2 = torch.where(seen, directions.cos2_half, torch.ones_like(directions.cos2_half))
+    return torch.exp(-exponent.clamp(max=_EXPONENT_LIMIT)) / (math.pi * mx * my * cos2.square())
+
+
 def gaussian(directions: Directions, slope: Tensor) -> Tensor:
     """A Gaussian of the facet angle, normalised to ∫ D cos α dω = 1, in 1/sr.
 

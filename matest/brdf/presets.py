@@ -10,6 +10,7 @@ from torch import Tensor
 
 from matest.brdf.base import Brdf
 from matest.brdf.cook_torrance import CookTorrance
+from matest.brdf.li_torrance import LiTorrance
 from matest.brdf.oren_nayar import OrenNayar
 from matest.brdf.oren_nayar_exact import OrenNayarExact
 from matest.brdf.torrance_sparrow import TorranceSparrow
@@ -95,8 +96,28 @@ def _nonmetal(specular: float, slope: float) -> Callable[..., Brdf]:
     return build
 
 
+def _measured(f0: float, **values: Any) -> Callable[[], Brdf]:
+    """A sample of Li and Torrance; components that have no coefficient in its table are off."""
+    switches = {
+        "directional": "k_dd" in values,
+        "uniform": "k_udf" in values,
+        "subsurface": "k_uds" in values,
+        "forward": "k_fs" in values,
+        "coherent": "solid_angle" in values,
+    }
+    options = {name: "on" if on else "off" for name, on in switches.items()}
+    return lambda: _of(LiTorrance, f0=f0, **values, **options)
+
+
+def _of_index(n: float) -> float:
+    return ((n - 1) / (n + 1)) ** 2
+
+
 _ON94 = "Oren & Nayar 1994, "
 _CT82 = "Cook & Torrance 1982, "
+_LT05 = "Li & Torrance 2005, "
+# The tables give no reflectance of the aluminium films; that of aluminium.
+_ALUMINIUM = 0.92
 
 PRESETS: dict[str, Preset] = {
     "plaster": Preset("sample A", _ON94 + "fig. 8", lambda: _of(OrenNayarExact, albedo=0.90, sigma=math.radians(30))),
@@ -113,5 +134,41 @@ PRESETS: dict[str, Preset] = {
     "obsidian": Preset("s 0.8, d 0.2, m 0.15", _CT82 + "Table I", _nonmetal(0.8, 0.15), needs_f0=True),
     "lunar-dust": Preset("s 0, d 1", _CT82 + "Table I", _nonmetal(0.0, 0.5), needs_f0=True),
     "olive-drab": Preset("s 0.3, d 0.7, m 0.50", _CT82 + "Table I", _nonmetal(0.3, 0.50), needs_f0=True),
+    "non-glare-glass": Preset(
+        "sample #45, aluminised",
+        _LT05 + "§5.2.1",
+        _measured(_ALUMINIUM, k_dd=1.0, height_rms=0.23, correlation_length=9.9, solid_angle=5e-4, masking="off"),
+    ),
+    "ground-glass": Preset(
+        "sample #41, aluminised",
+        _LT05 + "Table 1",
+        _measured(
+            _ALUMINIUM, k_udf=[0.33, 0.34, 0.32], k_dd=[0.45, 0.44, 0.44], height_rms=0.86, correlation_length=4.99
+        ),
+    ),
+    "red-paint": Preset(
+        "sample #13, garnet red",
+        _LT05 + "Table 2",
+        _measured(
+            _of_index(1.7),
+            k_uds=[0.10, 0.0, 0.0],
+            k_dd=[0.59, 0.72, 0.69],
+            k_fs=[1.1, 1.0, 1.2],
+            height_rms=0.7,
+            correlation_length=8.2,
+        ),
+    ),
+    "laser-paper": Preset(
+        "sample #73",
+        _LT05 + "Table 3",
+        _measured(
+            _of_index(1.5),
+            k_uds=[0.91, 0.94, 0.83],
+            k_dd=[0.28, 0.25, 0.25],
+            k_fs=[1.9, 2.0, 1.7],
+            height_rms=0.39,
+            correlation_length=5.4,
+        ),
+    ),
     "rust": Preset("s 0.2, d 0.8, m 0.35", _CT82 + "Table I", _nonmetal(0.2, 0.35), needs_f0=True),
 }

@@ -1,0 +1,81 @@
+"""Which components of Li and Torrance's model a surface needs: guidelines A to F of their section 4."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from matest.brdf.li_torrance import LiTorrance
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """A model with the components that a surface needs.
+
+    Attributes:
+        model: with the others switched off.
+        reasons: why each component, and masking, is in the model or left out.
+    """
+
+    model: LiTorrance
+    reasons: dict[str, str]
+
+
+def assemble(
+    *,
+    metal: bool,
+    rough: bool,
+    mirror_at_grazing: bool = False,
+    angular_variation: bool = True,
+    forward_scattering: bool = False,
+) -> Assembly:
+    """The components that what is known of a surface asks for.
+
+    Args:
+        metal: a conductor; otherwise a dielectric.
+        rough: moderately or very rough, so that facets shadow each other; otherwise smooth or slightly rough.
+        mirror_at_grazing: a mirror image emerges at large angles of illumination.
+        angular_variation: the reflection visibly changes with the angles; otherwise it looks perfectly diffuse.
+        forward_scattering: measurements show light scattered forward from below the surface (dielectrics only).
+
+    Source: Li & Torrance 2005, section 4.
+    """
+    masked = "on" if rough else "off"
+    chosen = {
+        "coherent": (
+            mirror_at_grazing and angular_variation,
+            "A: a mirror image emerges at large angles of illumination",
+            "A: no mirror image emerges, even at large angles",
+        ),
+        "directional": (
+            angular_variation,
+            "B: the reflection varies with the angles",
+            "B: the reflection looks perfectly diffuse",
+        ),
+        "uniform": (
+            metal and rough,
+            "E: light is scattered several times between the facets of a rough metal",
+            "E: negligible on a smooth metal" if metal else "E: on a dielectric the subsurface component outshines it",
+        ),
+        "subsurface": (
+            not metal,
+            "E: light enters a dielectric and is scattered back evenly",
+            "no light leaves a metal that has entered it",
+        ),
+        "forward": (
+            forward_scattering and not metal,
+            "F: measurements show it",
+            "no light leaves a metal that has entered it" if metal else "F: only on evidence from measurements",
+        ),
+    }
+    reasons = {name: present if needed else absent for name, (needed, present, absent) in chosen.items()}
+    reasons["masking"] = (
+        "C: facets of a rough surface shadow and mask each other"
+        if rough
+        else "C: negligible on a smooth or slightly rough surface"
+    )
+    reasons["fresnel"] = (
+        "D: nearly constant on a metal; f0 near 1 makes it so" if metal else "D: necessary on a dielectric"
+    )
+    switches: dict[str, Any] = {name: "on" if needed else "off" for name, (needed, _, _) in chosen.items()}
+    return Assembly(LiTorrance(masking=masked, **switches), reasons)

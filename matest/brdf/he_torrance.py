@@ -1,0 +1,134 @@
+"""He and Torrance's wave-optical model, unpolarised: a reference."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import torch
+from torch import Tensor
+
+from matest.brdf.base import Brdf, Term, rest_of
+from matest.brdf.fresnel import schlick_weight
+from matest.brdf.li_torrance import mirror_kernel
+from matest.directions import Directions
+from matest.parameters import interval, option, parameter, unit_interval
+
+# Terms of the series kept, and pairs worked on at once.
+_TERMS, _TILE = 256, 256
+_COS_FLOOR, _COT_LIMIT = 1e-4, 26.0
+
+
+@dataclass(frozen=True, eq=False)
+class HeTorrance(Brdf):
+    """Kirchhoff scattering by a surface of Gaussian heights, and what is scattered evenly.
+
+    f = k_dd F S G D/(π cos θi cos θr) + k_ud/π,   G = ((L+V)²/(cos θi + cos θr))²
+    D = (π²τ²/4λ²) Σ g^m e^(−g)/(m! m) exp(−vxy² τ²/(4m)),   vxy = (2π/λ)|(L+V)xy|,   g = ((2π σ/λ)(cos θi + cos θr))²
+
+    `height_rms` σ0, `correlation_length` τ, `wavelength` λ in µm; S and the effective σ are Smith's exact functions.
+    F is Schlick's with `f0`, as in `LiTorrance`: what differs between the two is the surface. With `coherent=on` the
+    mirror-like part k_dd F S e^(−g) from a source of `solid_angle` (sr), as in `Coherent`. Shapes as `Brdf`.
+
+    The series is summed in double precision over the 256 terms around its largest; where more matter, they are smooth
+    and every few stand for all. A thousand times the cost of `LiTorrance`: for comparison, not for rendering.
+
+    Source: He, Torrance, Sillion & Greenberg 1991, with the e^(−q²) that the print leaves out of S. Limits: for g ≫ 1
+    D is Li and Torrance's; coherent and diffuse light together are 1 at normal incidence and F = 1.
+    """
+
+    k_dd: Tensor = parameter(
+        unit_interval, unit="1", doc="scale of the directional light", default=0.5, per_channel=True
+    )
+    k_ud: Tensor = parameter(
+        unit_interval, unit="1", doc="reflectance by even scattering", default=0.2, per_channel=True
+    )
+    f0: Tensor = parameter(
+        unit_interval, unit="1", doc="reflectance at normal incidence", default=0.04, held=0.04, log=True
+    )
+    height_rms: Tensor = parameter(interval(0.01, 2), unit="µm", doc="rms height σ0", default=0.5, log=True)
+    correlation_length: Tensor = parameter(
+        interval(1, 100), unit="µm", doc="correlation length τ", default=5.0, log=True
+    )
+    wavelength: Tensor = parameter(interval(0.2, 2), unit="µm", doc="wavelength λ", default=0.55, held=0.55)
+    solid_angle: Tensor = parameter(
+        interval(1e-5, 1), unit="sr", doc="solid angle of the source", default=5e-4, held=5e-4, log=True,
+        when={"coherent": ("on",)},
+    )  # fmt: skip
+    coherent: str = option("off", choices=("off", "on"), doc="mirror-like reflection")
+
+    name: ClassVar[str] = "he-torrance"
+    source: ClassVar[str] = "He, Torrance, Sillion & Greenberg 1991"
+    body: ClassVar[bool] = True
+
+    def terms(self, directions: Directions) -> tuple[Term, ...]:
+        d = directions
+        dtype = d.cos_i.dtype
+        height, length, wavelength = (
+            value.double() for value in (self.height_rms, self.correlation_length, self.wavelength)
+        )
+        cos_i, cos_o = (cos.double().clamp(min=_COS_FLOOR) for cos in (d.cos_i, d.cos_o))
+        cot_i, cot_o = cos_i / d.sin_i.double(), cos_o / d.sin_o.double()
+        half_inverse = length / (2 * height)
+        effective = height / (1 + _height_ratio2(half_inverse, cot_i, cot_o)).sqrt()
+        total = cos_i + cos_o
+        g = (2 * math.pi * effective / wavelength * total).square()
+        x, y = (slope.double() for slope in d.half_slopes)
+        across2 = (x * x + y * y) * d.half_z.double().square() * (math.pi * length / wavelength).square()
+        shape = (math.pi * length / (2 * wavelength)).square() * series(g, across2)
+        geometry = (d.half_squared.double() / total).square()
+        masked = _masking(half_inverse * cot_i) * _masking(half_inverse * cot_o)
+        lobe = (geometry * masked * shape / (math.pi * cos_i * cos_o)).to(dtype)
+        if self.coherent == "on":
+            mirrored = masked * torch.exp(-g) * 2 / total
+            lobe = lobe + mirrored.to(dtype) * mirror_kernel(d, self.solid_angle)
+        body = torch.full_like(d.cos_i * d.cos_o, 1 / math.pi)
+        return (
+            Term(("k_ud",), body),
+            Term(("k_dd", "f0"), lobe),
+            Term(("k_dd", rest_of("f0")), lobe * schlick_weight(d.short_d)),
+        )
+
+
+def series(g: Tensor, across2: Tensor) -> Tensor:
+    """Σ over m ≥ 1 of g^m e^(−g)/(m! m) exp(−b/m) for g and b = `across2` of any shape, double precision."""
+    g, b = torch.broadcast_tensors(g.clamp(min=1e-12), across2)
+    parts = [_series(*rows) for rows in zip(g.reshape(-1, 1).split(_TILE), b.reshape(-1, 1).split(_TILE), strict=True)]
+    return torch.cat(parts).reshape(g.shape)
+
+
+def _series(g: Tensor, b: Tensor) -> Tensor:
+    # The largest term stands where log(g/m) + b/m² = 0; the others fall off like a Gaussian of variance m or g.
+    with torch.no_grad():
+        peak = g * torch.exp(0.5 * lambert_w(2 * b / g.square()))
+        first = (g - 12 * g.sqrt() - 20).floor().clamp(min=1)
+        last = peak + 12 * peak.sqrt() + 60
+        step = ((last - first) / (_TERMS - 1)).clamp(min=1)
+    m = first + step * torch.arange(_TERMS, dtype=g.dtype, device=g.device)
+    # log m! + log m = log Γ(m+1) + log m
+    exponent = m * g.log() - g - torch.lgamma(m + 1) - m.log() - b / m
+    return (torch.exp(exponent) * step).sum(-1)
+
+
+def lambert_w(x: Tensor) -> Tensor:
+    """W with W e^W = x for x ≥ 0: Halley's iteration from a start good everywhere."""
+    w = torch.log1p(x) * (1 - torch.log1p(torch.log1p(x)) / (2 + torch.log1p(x)))
+    for _ in range(5):
+        exp = torch.exp(w)
+        excess = w * exp - x
+        w = w - excess / (exp * (w + 1) - 0.5 * (w + 2) * excess / (w + 1))
+    return w
+
+
+def _height_ratio2(half_inverse: Tensor, cot_i: Tensor, cot_o: Tensor) -> Tensor:
+    """(z0/σ0)² with (z0/σ0) exp(½(z0/σ0)²) = (Ki + Kr)/√(8π), K = tan θ erfc(τ cot θ/(2σ0))."""
+    hidden = sum(torch.erfc((half_inverse * cot).clamp(max=_COT_LIMIT)) / cot for cot in (cot_i, cot_o))
+    return lambert_w(torch.as_tensor(hidden).square() / (8 * math.pi))
+
+
+def _masking(q: Tensor) -> Tensor:
+    """S1 = (1 − ½ erfc q)/(Λ + 1), Λ = ½ (e^(−q²)/(√π q) − erfc q), q = τ cot θ/(2σ0)."""
+    q = q.clamp(max=_COT_LIMIT)
+    hidden = 0.5 * torch.exp(-q * q) * (1 / (math.sqrt(math.pi) * q) - torch.special.erfcx(q))
+    return (1 - 0.5 * torch.erfc(q)) / (hidden + 1)

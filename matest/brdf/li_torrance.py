@@ -1,0 +1,277 @@
+"""Li and Torrance's model: five components, each a model of its own, and their sum."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import torch
+from torch import Tensor
+
+from matest.brdf.base import Brdf, Term, rest_of
+from matest.brdf.fresnel import schlick_weight
+from matest.brdf.rough_surface import Roughness, RoughSurface
+from matest.directions import Directions
+from matest.parameters import interval, option, parameter, unit_interval
+
+_SWITCH = ("on", "off")
+_COHERENT = {"coherent": ("on",)}
+
+
+@dataclass(frozen=True, eq=False)
+class DirectionalDiffuse(RoughSurface):
+    """Light reflected once by the facets of a rough surface.
+
+    f = k F S D/(π cos θi cos θr) = k F S Dn/(4 cos θi cos θr)
+
+    D, the rough limit of He and Torrance's, is exactly Beckmann's distribution Dn of slope 2 σe/τ with the
+    normalisation 1/4. F is Schlick's; S and σe are the paper's approximations to Smith's functions. `k_dd` scales;
+    the rest as in `RoughSurface`.
+
+    Source: Li & Torrance 2005, eq. 5-10 and 20-25, without the (2π/λ)² that the print leaves in D. Limits: without
+    masking the albedo diverges at grazing incidence.
+    """
+
+    k_dd: Tensor = parameter(
+        unit_interval, unit="1", doc="scale of the directional-diffuse light", default=0.5, per_channel=True
+    )
+
+    name: ClassVar[str] = "li-torrance-directional"
+    source: ClassVar[str] = "Li & Torrance 2005, eq. 9-10"
+
+    def terms(self, directions: Directions) -> tuple[Term, ...]:
+        return _directional(self.roughness(directions).lobe(directions), directions)
+
+
+@dataclass(frozen=True, eq=False)
+class FirstSurfaceDiffuse(Brdf):
+    """Light scattered several times between the facets of a rough metal: f = k/π.
+
+    Source: Li & Torrance 2005, eq. 11.
+    """
+
+    k_udf: Tensor = parameter(
+        unit_interval, unit="1", doc="reflectance by multiple scattering", default=0.3, per_channel=True
+    )
+
+    name: ClassVar[str] = "li-torrance-uniform"
+    source: ClassVar[str] = "Li & Torrance 2005, eq. 11"
+    body: ClassVar[bool] = True
+
+    def terms(self, directions: Directions) -> tuple[Term, ...]:
+        return (Term(("k_udf",), torch.full_like(directions.cos_i * directions.cos_o, 1 / math.pi)),)
+
+
+@dataclass(frozen=True, eq=False)
+class SubsurfaceDiffuse(Brdf):
+    """Light that enters a dielectric, is scattered evenly and leaves: f = (k/π) T(θi) T(θr), T = 1 − F.
+
+    Source: Li & Torrance 2005, eq. 12, with Schlick's F at the angles to the mean surface.
+    """
+
+    k_uds: Tensor = parameter(
+        unit_interval, unit="1", doc="reflectance by subsurface scattering", default=0.5, per_channel=True
+    )
+    f0: Tensor = parameter(
+        unit_interval, unit="1", doc="reflectance at normal incidence", default=0.04, held=0.04, log=True
+    )
+
+    name: ClassVar[str] = "li-torrance-subsurface"
+    source: ClassVar[str] = "Li & Torrance 2005, eq. 12"
+    body: ClassVar[bool] = True
+
+    def terms(self, directions: Directions) -> tuple[Term, ...]:
+        return (Term(("k_uds", rest_of("f0"), rest_of("f0")), _transmitted(directions) / math.pi),)
+
+
+@dataclass(frozen=True, eq=False)
+class ForwardScattering(RoughSurface):
+    """Light scattered forward below the surface of a dielectric.
+
+    f = (k/π) T(θi) T(θr) (1 − cos θi)(1 − cos θr) exp(−tan²θf/(16 me²)),   cos θf = V·t
+
+    t is the tangent that points away from the light. The lobe exists for cos θf > 0 only, as the paper means it:
+    tan² alone would give the same lobe backward. `k_fs` scales and may exceed 1; the albedo at k = 1 is about 0.002.
+
+    `law=printed` is not reciprocal: θf depends on the viewer alone. `law=reciprocal` takes the mean of tan²θf for both
+    ways.
+
+    Source: Li & Torrance 2005, eq. 13-14 (anisotropic: eq. 26 with the azimuth of the light).
+    """
+
+    k_fs: Tensor = parameter(
+        interval(0, 10), unit="1", doc="scale of the forward-scattered light", default=1.0, per_channel=True
+    )
+    law: str = option("printed", choices=("printed", "reciprocal"), doc="dependence on the azimuth")
+
+    name: ClassVar[str] = "li-torrance-forward"
+    source: ClassVar[str] = "Li & Torrance 2005, eq. 13-14"
+
+    def terms(self, directions: Directions) -> tuple[Term, ...]:
+        return (_forward(self.roughness(directions), directions, self.law),)
+
+
+@dataclass(frozen=True, eq=False)
+class Coherent(RoughSurface):
+    """The mirror-like reflection of a surface that is smooth against the wavelength, from a source of finite size.
+
+    f = k F S e^(−g) K(γ) · 2/(cos θi + cos θr),   g = ((2π σe/λ)(cos θi + cos θr))²
+
+    K is a smooth kernel in the angle γ between the light and the mirror direction, ∫ K dω = 1, as wide as the source of
+    solid angle `solid_angle` (sr): K = exp((cos γ − 1)/s²)/(2π s² (1 − e^(−2/s²))), 2π s² = `solid_angle`. `wavelength`
+    λ in µm, one value a channel. On the mirror direction 2/(cos θi + cos θr) is the 1/cos θi of eq. 16 (eq. 3 prints
+    1/(cos θi cos θr)); beside it this keeps f reciprocal.
+
+    Source: Li & Torrance 2005, eq. 2-4 and 16.
+    """
+
+    k_dd: Tensor = parameter(
+        unit_interval, unit="1", doc="scale of the mirror-like light", default=0.5, per_channel=True
+    )
+    wavelength: Tensor = parameter(interval(0.2, 2), unit="µm", doc="wavelength λ", default=0.55, held=0.55)
+    solid_angle: Tensor = parameter(
+        interval(1e-5, 1), unit="sr", doc="solid angle of the source", default=5e-4, held=5e-4, log=True
+    )
+
+    name: ClassVar[str] = "li-torrance-coherent"
+    source: ClassVar[str] = "Li & Torrance 2005, eq. 2-4, 16"
+
+    def terms(self, directions: Directions) -> tuple[Term, ...]:
+        roughness = self.roughness(directions)
+        share = _coherent_share(roughness, directions, self.height_rms / self.wavelength)
+        return _coherent(roughness, directions, share, self.solid_angle)
+
+
+@dataclass(frozen=True, eq=False)
+class LiTorrance(RoughSurface):
+    """Five processes at and below a rough surface, each of which may be left out.
+
+    f = `Coherent` + `DirectionalDiffuse` + `FirstSurfaceDiffuse` + `SubsurfaceDiffuse` + `ForwardScattering`
+
+    A component that is off costs nothing and has no parameters; `assemble` says which a surface needs. Parameters are
+    those of the components (`k_dd` scales two of them), shapes as `Brdf`.
+
+    The directional-diffuse lobe already carries all the energy of the rough limit, so that with the coherent component
+    more light may leave than arrives; `energy=he` multiplies it by 1 − e^(−g), as in He and Torrance's model.
+
+    Source: Li & Torrance 2005, eq. 3-14 and 20-26.
+    """
+
+    k_dd: Tensor = parameter(
+        unit_interval, unit="1", doc="scale of the directional light", default=0.5, per_channel=True,
+        when={"directional": ("on",)},
+    )  # fmt: skip
+    k_udf: Tensor = parameter(
+        unit_interval, unit="1", doc="reflectance by multiple scattering", default=0.3, per_channel=True,
+        when={"uniform": ("on",)},
+    )  # fmt: skip
+    k_uds: Tensor = parameter(
+        unit_interval, unit="1", doc="reflectance by subsurface scattering", default=0.5, per_channel=True,
+        when={"subsurface": ("on",)},
+    )  # fmt: skip
+    k_fs: Tensor = parameter(
+        interval(0, 10), unit="1", doc="scale of the forward-scattered light", default=1.0, per_channel=True,
+        when={"forward": ("on",)},
+    )  # fmt: skip
+    wavelength: Tensor = parameter(
+        interval(0.2, 2), unit="µm", doc="wavelength λ", default=0.55, held=0.55, when=_COHERENT
+    )
+    solid_angle: Tensor = parameter(
+        interval(1e-5, 1), unit="sr", doc="solid angle of the source", default=5e-4, held=5e-4, log=True, when=_COHERENT
+    )
+    directional: str = option("on", choices=_SWITCH, doc="directional-diffuse reflection (eq. 9)")
+    uniform: str = option("off", choices=_SWITCH, doc="first-surface uniform-diffuse reflection (eq. 11)")
+    subsurface: str = option("on", choices=_SWITCH, doc="subsurface uniform-diffuse reflection (eq. 12)")
+    forward: str = option("off", choices=_SWITCH, doc="subsurface forward scattering (eq. 13)")
+    coherent: str = option("off", choices=_SWITCH, doc="mirror-like reflection (eq. 3)")
+    law: str = option("printed", choices=("printed", "reciprocal"), doc="azimuth of forward scattering")
+    energy: str = option("paper", choices=("paper", "he"), doc="share of the directional beside the coherent light")
+
+    name: ClassVar[str] = "li-torrance"
+    source: ClassVar[str] = "Li & Torrance 2005, eq. 3-14, 20-26"
+    excluded: ClassVar[tuple[tuple[dict[str, str], str], ...]] = (
+        (
+            {"coherent": "on", "directional": "off"},
+            "the mirror-like component shares k_dd with the directional one; take li-torrance-coherent alone.",
+        ),
+    )
+
+    def terms(self, directions: Directions) -> tuple[Term, ...]:
+        out: list[Term] = []
+        if self.uniform == "on":
+            out += FirstSurfaceDiffuse().terms(directions)
+        if self.subsurface == "on":
+            out += SubsurfaceDiffuse().terms(directions)
+        if "on" not in (self.directional, self.forward):
+            return tuple(out)
+        roughness = self.roughness(directions)
+        if self.forward == "on":
+            out.append(_forward(roughness, directions, self.law))
+        if self.directional == "on":
+            lobe = roughness.lobe(directions)
+            if self.coherent == "on":
+                share = _coherent_share(roughness, directions, self.height_rms / self.wavelength)
+                out += _coherent(roughness, directions, share, self.solid_angle)
+                lobe = lobe * (1 - share) if self.energy == "he" else lobe
+            out += _directional(lobe, directions)
+        return tuple(out)
+
+
+def _directional(lobe: Tensor, directions: Directions) -> tuple[Term, ...]:
+    return Term(("k_dd", "f0"), lobe), Term(("k_dd", rest_of("f0")), lobe * schlick_weight(directions.short_d))
+
+
+def _transmitted(directions: Directions) -> Tensor:
+    """T(θi) T(θr)/(1 − f0)²: Schlick's transmittances of the mean surface, their normal value apart."""
+    d = directions
+    return _entered(d.cos_i, d.short_i) * _entered(d.cos_o, d.short_o)
+
+
+def _entered(cos: Tensor, short: Tensor) -> Tensor:
+    """1 − (1 − cos θ)⁵, `short` = 1 − cos θ, without cancellation at grazing."""
+    return cos * (1 + short * (1 + short * (1 + short * (1 + short))))
+
+
+def _forward(roughness: Roughness, directions: Directions, law: str) -> Term:
+    d = directions
+    exponent = _tan2(d, d.sin_i, d.cos_o) * _inverse(roughness, d.along_tangent[0])
+    if law == "reciprocal":
+        exponent = 0.5 * (exponent + _tan2(d, d.sin_o, d.cos_i) * _inverse(roughness, d.along_tangent[1]))
+    lobe = torch.exp(-exponent) * d.short_i * d.short_o * _transmitted(d) / math.pi
+    # All derivatives vanish where the lobe ends.
+    lobe = torch.where(d.tangential < 0, lobe, torch.zeros_like(lobe))
+    return Term(("k_fs", rest_of("f0"), rest_of("f0")), lobe)
+
+
+def _tan2(directions: Directions, sin_i: Tensor, cos_o: Tensor) -> Tensor:
+    """tan²θf for light at `sin_i` and viewer at `cos_o`, its sine a sum of squares: no digits are lost at θf = 0."""
+    sin2 = cos_o.square() + (directions.crosswise / sin_i).square()
+    return sin2 / ((-directions.tangential).clamp(min=0) / sin_i).square().clamp(min=1e-6)
+
+
+def _inverse(roughness: Roughness, share_x: Tensor) -> Tensor:
+    """1/(16 me²) along an azimuth with cos²φ = `share_x`; roughness holds 2 me."""
+    x, y = (slope.clamp(min=2e-2).square() for slope in (roughness.slope_x, roughness.slope_y))
+    return 0.25 * (share_x / x + (1 - share_x) / y)
+
+
+def _coherent_share(roughness: Roughness, directions: Directions, ratio: Tensor) -> Tensor:
+    """e^(−g), `ratio` = σ/λ."""
+    apparent = 2 * math.pi * ratio * roughness.effective * (directions.cos_i + directions.cos_o)
+    return torch.exp(-apparent.square())
+
+
+def _coherent(roughness: Roughness, directions: Directions, share: Tensor, solid_angle: Tensor) -> tuple[Term, ...]:
+    d = directions
+    # S from S/(4 cos θi cos θr).
+    unmasked = roughness.masked * 4 * d.cos_i * d.cos_o
+    lobe = unmasked * share * mirror_kernel(d, solid_angle) * 2 / (d.cos_i + d.cos_o).clamp(min=1e-4)
+    return Term(("k_dd", "f0"), lobe), Term(("k_dd", rest_of("f0")), lobe * schlick_weight(d.short_d))
+
+
+def mirror_kernel(directions: Directions, solid_angle: Tensor) -> Tensor:
+    """K(γ) of `Coherent`: a lobe about the mirror direction as wide as a source of that solid angle, ∫ K dω = 1."""
+    width = solid_angle / (2 * math.pi)
+    exponent = (0.5 * directions.mirror_chord2 / width).clamp(max=750.0)
+    return torch.exp(-exponent) / (solid_angle * -torch.expm1(-2 / width))

@@ -1,0 +1,46 @@
+"""Neumann and Neumann's stretched Phong lobe."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import torch
+from torch import Tensor
+
+from matest.brdf.base import Brdf, Term
+from matest.directions import Directions
+from matest.parameters import interval, parameter, unit_interval
+
+
+def mirror_power(directions: Directions, exponent: Tensor) -> Tensor:
+    """(R·V)₊ⁿ, R the mirror direction of L; from |R − V|², so that it keeps its digits at the peak."""
+    short = 0.5 * directions.mirror_chord2
+    inside = short.clamp(max=1 - 1e-6)
+    power = torch.exp(exponent * torch.log1p(-inside))
+    return torch.where(short < 1, power, torch.zeros_like(power))
+
+
+@dataclass(frozen=True, eq=False)
+class NeumannNeumann(Brdf):
+    """f = diffuse/π + specular · (n+2)/(2π) · (R·V)₊ⁿ / max(cos θi, cos θr)
+
+    `exponent` n. Shapes as `Brdf`.
+
+    Source: Neumann, Neumann & Szirmay-Kalos 1999 (stretched Phong; that this member of their family is the one of Li &
+    Torrance 2005, Table 4, is an assumption). Limits: keeps its energy far better than Phong at grazing incidence;
+    albedo 1.0003 at most, for n = 1.
+    """
+
+    diffuse: Tensor = parameter(unit_interval, unit="1", doc="albedo of the body", default=0.5, per_channel=True)
+    specular: Tensor = parameter(unit_interval, unit="1", doc="weight of the highlight", default=0.1, per_channel=True)
+    exponent: Tensor = parameter(interval(1, 1e4), unit="1", doc="exponent n", default=50.0, log=True)
+
+    name: ClassVar[str] = "neumann-neumann"
+    source: ClassVar[str] = "Neumann, Neumann & Szirmay-Kalos 1999"
+
+    def terms(self, directions: Directions) -> tuple[Term, ...]:
+        stretch = torch.maximum(directions.cos_i, directions.cos_o).clamp(min=1e-6)
+        lobe = (self.exponent + 2) / (2 * math.pi) * mirror_power(directions, self.exponent) / stretch
+        return Term(("diffuse",), torch.full_like(lobe, 1 / math.pi)), Term(("specular",), lobe)
