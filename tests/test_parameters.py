@@ -95,7 +95,7 @@ def test_defaults_lie_in_their_domains(name: str) -> None:
     for key, declared in parameters_of(MODELS[name]).items():
         assert declared.domain.contains(torch.as_tensor(getattr(brdf, key)))
         assert declared.doc
-        assert declared.unit in ("1", "rad", "µm")
+        assert declared.unit in ("1", "rad", "µm", "sr")
         if declared.held is not None:
             assert declared.domain.contains(torch.tensor(declared.held))
 

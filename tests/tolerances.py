@@ -55,6 +55,27 @@ class Excess(NamedTuple):
     reason: str
 
 
+# Models that are not reciprocal, by the beginning of their expression.
+NOT_RECIPROCAL = {
+    "li-torrance-forward": "eq. 13 as printed: its angle to the forward direction depends on the viewer alone",
+    "li-torrance(forward=on)": "contains forward scattering as printed",
+}
+# Models that reflect nothing into some directions above the horizon: underflow of a narrow lobe, or half a hemisphere.
+DARK = {
+    "li-torrance-directional": "effective slopes vanish at grazing incidence: the lobe underflows beside its centre",
+    "li-torrance(subsurface=off)": "the directional lobe alone",
+    "li-torrance-forward": "no light backward",
+    "li-torrance-coherent": "a mirror-like lobe",
+}
+
+
+def is_listed(expression: str, exceptions: dict[str, str]) -> bool:
+    """Whether an expression is a listed one, with any option."""
+    if exceptions is NOT_RECIPROCAL and "law=reciprocal" in expression:
+        return False
+    return any(expression == name or expression.startswith(f"{name}(") for name in exceptions)
+
+
 # The only ones allowed to exceed 1 in a white furnace with light up to 89.5 degrees from the normal.
 ALBEDO_EXCESS = {
     "oren-nayar": Excess(
@@ -67,4 +88,13 @@ ALBEDO_EXCESS = {
     "torrance-sparrow": Excess(10.84, "literal 1967 form, not normalised: specular carries the constant"),
     "cook-torrance(normalisation=ngan)": Excess(1.274, "divisor pi instead of 4: 4/pi times the physical lobe"),
     "cook-torrance(normalisation=paper1982)": Excess(4.0, "the printed 1/pi beside D without its 1/pi: 4 times"),
+    "li-torrance(masking=off)": Excess(32.83, "without masking the lobe diverges at grazing incidence"),
+    "li-torrance-directional(masking=off)": Excess(32.83, "without masking the lobe diverges at grazing incidence"),
+    "li-torrance(coherent=on)": Excess(1.306, "as printed: the rough limit already carries the energy of the mirror"),
+    "he-torrance(coherent=on)": Excess(
+        1.007, "S and the effective roughness do not conserve energy exactly at grazing"
+    ),
+    "lafortune": Excess(2.094, "not normalised: the weight carries the constant"),
+    "ward(form=duer)": Excess(9.933, "the product of cosines diverges at grazing incidence"),
+    "ward(anisotropy=axes)": Excess(1.062, "the root of the cosines diverges at the very end of grazing incidence"),
 }

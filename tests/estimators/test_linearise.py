@@ -63,13 +63,17 @@ def assert_derivatives(chosen: Problem, unknowns: Tensor, batch: Batch) -> None:
         torch.testing.assert_close(analytic, numerical, rtol=DERIVATIVE, atol=DERIVATIVE * scale, msg=label)
 
 
-# Sums over facets take minutes under a sky of 135,000 directions.
-UNDER_SKY = [expression for expression in variants() if "exact" not in expression and "slope" not in expression]
+# Mirror-like lobes are too narrow for this sphere of 20 pixels; without a lobe the roughness has no effect.
+SEEN = [e for e in variants() if "coherent" not in e and e != "li-torrance(directional=off)"]
+# Sums over facets and series take minutes under a sky of 135,000 directions; anisotropic models are refused under one;
+# Lafortune's lobe has a kink there.
+HEAVY = ("exact", "slope", "he-torrance", "anisotropy", "lafortune")
+UNDER_SKY = [e for e in SEEN if not any(word in e for word in HEAVY)]
 
 
 @pytest.mark.parametrize(
     ("expression", "ambient"),
-    [*((e, 0.0) for e in [*variants(), *SUMS]), *((e, 0.3) for e in [*UNDER_SKY, *SUMS])],
+    [*((e, 0.0) for e in [*SEEN, *SUMS]), *((e, 0.3) for e in [*UNDER_SKY, *SUMS])],
 )
 def test_radiance_and_jacobian_are_the_shaders(expression: str, ambient: float) -> None:
     free = [path for path, declared in problem(expression).brdf.declared.items() if declared.held is not None]

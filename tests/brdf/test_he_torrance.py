@@ -1,0 +1,71 @@
+"""He, Torrance, Sillion & Greenberg 1991."""
+
+from __future__ import annotations
+
+import math
+
+import mpmath
+import pytest
+import torch
+from mpmath import mpf
+
+from matest.brdf import DirectionalDiffuse, HeTorrance
+from matest.brdf.he_torrance import lambert_w, series
+from tests import tolerances
+from tests.sampling import BACKWARD, FORWARD, LIGHT, degrees, directional_albedo
+
+
+def test_reference_values() -> None:
+    brdf = HeTorrance(k_dd=1.0, k_ud=0.0, f0=1.0, height_rms=0.23, correlation_length=1.5, wavelength=0.55)
+    assert brdf(LIGHT, FORWARD).item() == pytest.approx(0.556931791, rel=tolerances.NINE_DIGITS)
+    assert brdf(LIGHT, BACKWARD).item() == pytest.approx(4.4447692e-6, rel=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("g", "b"),
+    [(1e-6, 0), (0.1, 0), (0.1, 500), (3, 1), (30, 100), (30, 1e4), (300, 50), (400, 1e4), (5000, 1e5), (2000, 1e6)],
+)
+def test_series_in_fifty_digits(g: float, b: float) -> None:
+    terms = (
+        mpmath.exp(m * mpmath.log(mpf(g)) - mpf(g) - mpmath.loggamma(m + 1) - mpmath.log(m) - mpf(b) / m)
+        for m in range(1, 8000)
+    )
+    expected = mpmath.fsum(terms)
+    found = series(torch.tensor([g], dtype=torch.float64), torch.tensor([b], dtype=torch.float64))
+    # Exponents of up to ten thousand, each rounded.
+    assert found.item() == pytest.approx(float(expected), rel=1e-10)
+
+
+def test_lambert_w_inverts_its_definition() -> None:
+    x = torch.logspace(-12, 30, 200, dtype=torch.float64)
+    w = lambert_w(x)
+    torch.testing.assert_close(w * torch.exp(w), x, rtol=1e-13, atol=0)
+    assert lambert_w(torch.zeros(1, dtype=torch.float64)).item() == 0
+
+
+@pytest.mark.parametrize("height", [0.02, 0.05, 0.1, 0.3])
+def test_coherent_and_diffuse_light_together_are_one_at_normal_incidence(height: float) -> None:
+    brdf = HeTorrance(
+        k_dd=1.0, k_ud=0.0, f0=1.0, height_rms=height, correlation_length=4.0, coherent="on", solid_angle=0.02
+    )
+    assert directional_albedo(brdf, 0.0, nodes=96).item() == pytest.approx(1.0, abs=0.02)
+
+
+def test_the_rough_limit_is_li_and_torrances_lobe() -> None:
+    rough = {"k_dd": 1.0, "f0": 1.0, "height_rms": 1.5, "correlation_length": 30.0}
+    there = degrees(20, 180)
+    for view in (degrees(20), degrees(25), degrees(15, 10)):
+        he = HeTorrance(**rough, k_ud=0.0, wavelength=0.4)(there, view).item()
+        assert he == pytest.approx(DirectionalDiffuse(**rough)(there, view).item(), rel=0.01)
+
+
+def test_light_of_any_wavelength_is_diffuse_at_last() -> None:
+    """g e-folds with the square of 1/λ: long waves see a mirror."""
+    albedo = [
+        directional_albedo(
+            HeTorrance(k_dd=1.0, k_ud=0.0, f0=1.0, height_rms=0.05, correlation_length=4.0, wavelength=w), 0.0
+        ).item()
+        for w in (0.3, 0.6, 1.2)
+    ]
+    expected = [1 - math.exp(-((4 * math.pi * 0.05 / w) ** 2)) for w in (0.3, 0.6, 1.2)]
+    assert albedo == pytest.approx(expected, rel=0.02)
