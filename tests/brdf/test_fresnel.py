@@ -141,14 +141,14 @@ def test_derivatives_of_the_conductor_agree_with_differences_of_fifty_digits(c: 
 
 def test_schlick_in_fifty_digits() -> None:
     f0 = 0.3
-    actual = f0 + (1 - f0) * schlick_weight(COSINES)
+    actual = f0 + (1 - f0) * schlick_weight(1 - COSINES)
     expected = [microsurface.schlick(mpf(c), f0) for c in COSINES.tolist()]
     assert relative_deviation(actual, expected) < tolerances.INDEPENDENT
 
 
 def test_schlick_is_near_glass() -> None:
     f0 = torch.tensor(0.04, dtype=torch.float64)
-    approximate = f0 + (1 - f0) * schlick_weight(COSINES)
+    approximate = f0 + (1 - f0) * schlick_weight(1 - COSINES)
     assert (approximate - dielectric(COSINES, f0)).abs().max() < 0.05
 
 
