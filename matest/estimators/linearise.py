@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields
 from functools import partial
+from typing import TypeVar
 
 import torch
 from torch import Tensor
@@ -20,6 +21,8 @@ from matest.capture import Batch
 from matest.directions import Directions
 from matest.estimators.problem import Problem
 from matest.shader import check_sky, gathered_light, interpolate, lit_directions, sky_nodes, sky_terms
+
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -278,20 +281,32 @@ def accumulate(
             radiance, jacobian = linearisation.radiance_and_jacobian(batch)
             weight = batch.weight(weighing.radiance(batch) if weighing else radiance if same else batch.radiance)
             residual = batch.radiance - radiance
-            out, start = [], 0
-            for cluster, length in batch.runs or ((batch.cluster or 0, len(batch)),):
-                part = slice(start, start + length)
-                sums = Sums.of(batch.radiance[part], weight[part], residual[part], jacobian[:, part], selectors)
-                out.append((cluster, sums))
-                start += length
-            return out
+            return [
+                (cluster, Sums.of(batch.radiance[part], weight[part], residual[part], jacobian[:, part], selectors))
+                for cluster, part in blocks(batch)
+            ]
 
     statistics = Statistics()
+    for cluster, sums in walk(tiles, work):
+        statistics.add(cluster, sums)
+    return statistics
+
+
+def walk(
+    tiles: Iterable[Sequence[Callable[[], Batch]]], work: Callable[[Callable[[], Batch]], list[Result]]
+) -> Iterator[Result]:
+    """What `work` gives for each tile, in their order; one thread per processor works on a group of tiles."""
     with single_threaded_torch(), ThreadPoolExecutor(processors()) as pool:
         for group in tiles:
-            for cluster, sums in itertools.chain.from_iterable(pool.map(work, group)):
-                statistics.add(cluster, sums)
-    return statistics
+            yield from itertools.chain.from_iterable(pool.map(work, group))
+
+
+def blocks(batch: Batch) -> Iterator[tuple[int, slice]]:
+    """Label and place of every block of pixels in a batch."""
+    start = 0
+    for cluster, length in batch.runs or ((batch.cluster or 0, len(batch)),):
+        yield cluster, slice(start, start + length)
+        start += length
 
 
 def in_memory(batches: Iterable[Batch]) -> list[list[Callable[[], Batch]]]:

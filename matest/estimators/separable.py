@@ -6,9 +6,7 @@ touches. Their Gram matrix and moments, once added up, give χ² and its derivat
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields
 
 import torch
@@ -17,7 +15,7 @@ from torch import Tensor
 from matest.brdf import Term
 from matest.capture import Batch
 from matest.directions import Directions
-from matest.estimators.linearise import Statistics, Sums, derivative, processors, product, single_threaded_torch
+from matest.estimators.linearise import Statistics, Sums, blocks, derivative, product, walk
 from matest.estimators.problem import Problem
 from matest.shader import check_sky, gathered_light, interpolate, lit_directions, sky_nodes, sky_terms
 
@@ -210,18 +208,14 @@ def compress(
 
             weight = batch.weight(like if weighing is None else radiance(weighing))
             residual = like if images.origin is None else like - radiance(images.origin)
-            out, start = [], 0
-            for cluster, length in batch.runs or ((batch.cluster or 0, len(batch)),):
-                part = slice(start, start + length)
-                out.append((cluster, Moments.of(columns[:, part], like[part], weight[part], residual[part])))
-                start += length
-            return out
+            return [
+                (cluster, Moments.of(columns[:, part], like[part], weight[part], residual[part]))
+                for cluster, part in blocks(batch)
+            ]
 
     clusters: dict[int, Moments] = {}
-    with single_threaded_torch(), ThreadPoolExecutor(processors()) as pool:
-        for group in tiles:
-            for cluster, moments in itertools.chain.from_iterable(pool.map(work, group)):
-                clusters[cluster] = clusters[cluster] + moments if cluster in clusters else moments
+    for cluster, moments in walk(tiles, work):
+        clusters[cluster] = clusters[cluster] + moments if cluster in clusters else moments
     zero = torch.zeros_like(next(iter(clusters.values())).moment)
     return Compressed(problem, zero if images.origin is None else images.origin, clusters)
 
