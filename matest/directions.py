@@ -29,8 +29,8 @@ class Directions:
     """
 
     def __init__(self, wi: Tensor, wo: Tensor) -> None:
-        self._wi = wi.split(1, dim=-1)
-        self._wo = wo.split(1, dim=-1)
+        self._wi: tuple[Tensor, ...] = wi.split(1, dim=-1)
+        self._wo: tuple[Tensor, ...] = wo.split(1, dim=-1)
 
     @property
     def cos_i(self) -> Tensor:
@@ -43,12 +43,21 @@ class Directions:
         return self._wo[2]
 
     @cached_property
+    def sin2_i(self) -> Tensor:
+        """sin²θi, accurate near the normal."""
+        return _sine2(self._wi)
+
+    @cached_property
+    def sin2_o(self) -> Tensor:
+        return _sine2(self._wo)
+
+    @cached_property
     def sin_i(self) -> Tensor:
-        return _sine(self._wi)
+        return self.sin2_i.sqrt()
 
     @cached_property
     def sin_o(self) -> Tensor:
-        return _sine(self._wo)
+        return self.sin2_o.sqrt()
 
     @cached_property
     def theta_i(self) -> Tensor:
@@ -121,11 +130,11 @@ class Directions:
     @cached_property
     def short_i(self) -> Tensor:
         """1 − cos θi, accurate near the normal."""
-        return self.sin_i.square() / (1 + self.cos_i)
+        return self.sin2_i / (1 + self.cos_i)
 
     @cached_property
     def short_o(self) -> Tensor:
-        return self.sin_o.square() / (1 + self.cos_o)
+        return self.sin2_o / (1 + self.cos_o)
 
     @cached_property
     def half_slopes(self) -> tuple[Tensor, Tensor]:
@@ -136,6 +145,7 @@ class Directions:
     @cached_property
     def tan2_half(self) -> Tensor:
         """tan²α, α the angle between half vector and normal."""
+        # From the slopes: second derivatives of the quotient of the squares leave the range of float32.
         x, y = self.half_slopes
         return x * x + y * y
 
@@ -178,9 +188,14 @@ def above_horizon(wi: Tensor, wo: Tensor) -> tuple[Directions, Tensor]:
     Pairs below the horizon are replaced by the normal *before* any arithmetic, so that the values thrown away
     afterwards have finite derivatives.
     """
-    above = (wi[..., 2:] > 0) & (wo[..., 2:] > 0)
-    normal = wi.new_tensor([0.0, 0.0, 1.0])
-    return Directions(torch.where(above, wi, normal), torch.where(above, wo, normal)), above
+    directions = Directions(wi, wo)
+    above = (directions.cos_i > 0) & (directions.cos_o > 0)
+    # Component by component: each becomes an array of its own, which is faster to read than one column of three.
+    directions._wi, directions._wo = (
+        tuple(torch.where(above, part, end) for part, end in zip(vector, (0.0, 0.0, 1.0), strict=True))
+        for vector in (directions._wi, directions._wo)
+    )
+    return directions, above
 
 
 def to_local(normal: Tensor, *vectors: Tensor) -> list[Tensor]:
@@ -197,5 +212,5 @@ def to_local(normal: Tensor, *vectors: Tensor) -> list[Tensor]:
     return [torch.stack([(axis * vector).sum(-1) for axis in frame], dim=-1) for vector in vectors]
 
 
-def _sine(vector: tuple[Tensor, ...]) -> Tensor:
-    return (vector[0] * vector[0] + vector[1] * vector[1]).clamp(min=_SIN2_FLOOR).sqrt()
+def _sine2(vector: tuple[Tensor, ...]) -> Tensor:
+    return (vector[0] * vector[0] + vector[1] * vector[1]).clamp(min=_SIN2_FLOOR)

@@ -213,9 +213,11 @@ def test_forward_mode_agrees_with_reverse_mode(expression: str) -> None:
         return brdf.replace({name: inputs[name] for name in brdf.declared})(inputs["wi"], inputs["wo"])
 
     values, forward = torch.func.jvp(evaluate, (inputs,), (tangents,))
-    reverse = sum((gradients[name] * tangents[name]).sum(dim=-1, keepdim=True) for name in inputs)
+    parts = torch.cat([gradients[name] * tangents[name] for name in inputs], dim=-1)
     torch.testing.assert_close(values, brdf(wi, wo), rtol=0, atol=0)
-    torch.testing.assert_close(forward, reverse, rtol=tolerances.INDEPENDENT, atol=tolerances.INDEPENDENT)
+    # Parts may be large and cancel: rounding is of their size.
+    off = (forward - parts.sum(dim=-1, keepdim=True)).abs()
+    assert (off <= tolerances.INDEPENDENT * (1 + parts.abs().sum(dim=-1, keepdim=True))).all()
 
 
 @EVERY

@@ -26,6 +26,7 @@ from matest.brdf.oren_nayar_exact import OrenNayarExact
 from matest.brdf.oren_nayar_qualitative import OrenNayarQualitative
 from matest.brdf.oren_nayar_single_slope import OrenNayarSingleSlope
 from matest.brdf.presets import PRESETS, preset
+from matest.brdf.rough_surface import unmasked_angle
 from matest.brdf.torrance_sparrow import TorranceSparrow
 from matest.brdf.ward import Ward
 from matest.parameters import options_of
@@ -107,5 +108,6 @@ __all__ = [
     "assemble",
     "model",
     "preset",
+    "unmasked_angle",
     "variants",
 ]

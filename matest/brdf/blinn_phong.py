@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from matest.brdf.base import Brdf, Term
+from matest.brdf.microfacet import decay
 from matest.directions import Directions
 from matest.parameters import interval, parameter, unit_interval
 
@@ -35,5 +36,5 @@ class BlinnPhong(Brdf):
         n = self.exponent
         scale = (n + 2) * (n + 4) / (8 * math.pi * (torch.exp2(-0.5 * n) + n))
         # (N·H)² = 1/(1 + tan²α): the power keeps its digits near the normal.
-        lobe = scale * torch.exp(-0.5 * n * torch.log1p(directions.tan2_half))
+        lobe = scale * decay(0.5 * n * torch.log1p(directions.tan2_half))
         return Term(("diffuse",), torch.full_like(lobe, 1 / math.pi)), Term(("specular",), lobe)

@@ -28,6 +28,7 @@ def assemble(
     mirror_at_grazing: bool = False,
     angular_variation: bool = True,
     forward_scattering: bool = False,
+    masked: bool | None = None,
 ) -> Assembly:
     """The components that what is known of a surface asks for.
 
@@ -37,10 +38,12 @@ def assemble(
         mirror_at_grazing: a mirror image emerges at large angles of illumination.
         angular_variation: the reflection visibly changes with the angles; otherwise it looks perfectly diffuse.
         forward_scattering: measurements show light scattered forward from below the surface (dielectrics only).
+        masked: whether light or viewer ever stand so low that facets hide each other (beyond `unmasked_angle`); by
+            default on every rough surface.
 
     Source: Li & Torrance 2005, section 4.
     """
-    masked = "on" if rough else "off"
+    masked = rough if masked is None else masked
     chosen = {
         "coherent": (
             mirror_at_grazing and angular_variation,
@@ -70,7 +73,9 @@ def assemble(
     }
     reasons = {name: present if needed else absent for name, (needed, present, absent) in chosen.items()}
     reasons["masking"] = (
-        "C: facets of a rough surface shadow and mask each other"
+        "C: facets shadow and mask each other"
+        if masked
+        else "eq. 7: S > 0.99 at all directions used"
         if rough
         else "C: negligible on a smooth or slightly rough surface"
     )
@@ -78,4 +83,4 @@ def assemble(
         "D: nearly constant on a metal; f0 near 1 makes it so" if metal else "D: necessary on a dielectric"
     )
     switches: dict[str, Any] = {name: "on" if needed else "off" for name, (needed, _, _) in chosen.items()}
-    return Assembly(LiTorrance(masking=masked, **switches), reasons)
+    return Assembly(LiTorrance(masking="on" if masked else "off", **switches), reasons)

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from matest.brdf.base import Brdf, Term
+from matest.brdf.microfacet import decay
 from matest.directions import Directions
 from matest.parameters import interval, parameter, unit_interval
 
@@ -38,6 +39,6 @@ class Lafortune(Brdf):
     def terms(self, directions: Directions) -> tuple[Term, ...]:
         d = directions
         cosine = self.c_xy * d.tangential + self.c_z * d.cos_i * d.cos_o
-        lobe = torch.exp(self.exponent * cosine.clamp(min=1e-6).log())
+        lobe = decay(-self.exponent * cosine.clamp(min=1e-6).log())
         lobe = torch.where(cosine > 0, lobe, torch.zeros_like(lobe))
         return Term(("diffuse",), torch.full_like(lobe, 1 / math.pi)), Term(("specular",), lobe)

@@ -11,7 +11,8 @@ from torch import Tensor
 
 from matest.brdf.base import Brdf, Term, rest_of
 from matest.brdf.fresnel import schlick_weight
-from matest.brdf.rough_surface import Roughness, RoughSurface
+from matest.brdf.microfacet import decay
+from matest.brdf.rough_surface import HEIGHT, Roughness, RoughSurface
 from matest.directions import Directions
 from matest.parameters import interval, option, parameter, unit_interval
 
@@ -82,7 +83,7 @@ class SubsurfaceDiffuse(Brdf):
     body: ClassVar[bool] = True
 
     def terms(self, directions: Directions) -> tuple[Term, ...]:
-        return (Term(("k_uds", rest_of("f0"), rest_of("f0")), _transmitted(directions) / math.pi),)
+        return (_subsurface(_transmitted(directions)),)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +110,7 @@ class ForwardScattering(RoughSurface):
     source: ClassVar[str] = "Li & Torrance 2005, eq. 13-14"
 
     def terms(self, directions: Directions) -> tuple[Term, ...]:
-        return (_forward(self.roughness(directions), directions, self.law),)
+        return (_forward(self.roughness(directions), directions, _transmitted(directions), self.law),)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,8 +121,8 @@ class Coherent(RoughSurface):
 
     K is a smooth kernel in the angle γ between the light and the mirror direction, ∫ K dω = 1, as wide as the source of
     solid angle `solid_angle` (sr): K = exp((cos γ − 1)/s²)/(2π s² (1 − e^(−2/s²))), 2π s² = `solid_angle`. `wavelength`
-    λ in µm, one value a channel. On the mirror direction 2/(cos θi + cos θr) is the 1/cos θi of eq. 16 (eq. 3 prints
-    1/(cos θi cos θr)); beside it this keeps f reciprocal.
+    λ in µm, one value a channel; both come from the capture where it says them. On the mirror direction
+    2/(cos θi + cos θr) is the 1/cos θi of eq. 16 (eq. 3 prints 1/(cos θi cos θr)); beside it this keeps f reciprocal.
 
     Source: Li & Torrance 2005, eq. 2-4 and 16.
     """
@@ -129,9 +130,12 @@ class Coherent(RoughSurface):
     k_dd: Tensor = parameter(
         unit_interval, unit="1", doc="scale of the mirror-like light", default=0.5, per_channel=True
     )
-    wavelength: Tensor = parameter(interval(0.2, 2), unit="µm", doc="wavelength λ", default=0.55, held=0.55)
+    height_rms: Tensor = parameter(HEIGHT, unit="µm", doc="rms height σ", default=1.0, log=True)
+    wavelength: Tensor = parameter(
+        interval(0.2, 2), unit="µm", doc="wavelength λ", default=0.55, held=0.55, optics=True
+    )
     solid_angle: Tensor = parameter(
-        interval(1e-5, 1), unit="sr", doc="solid angle of the source", default=5e-4, held=5e-4, log=True
+        interval(1e-5, 1), unit="sr", doc="solid angle of the source", default=5e-4, held=5e-4, log=True, optics=True
     )
 
     name: ClassVar[str] = "li-torrance-coherent"
@@ -174,12 +178,17 @@ class LiTorrance(RoughSurface):
         interval(0, 10), unit="1", doc="scale of the forward-scattered light", default=1.0, per_channel=True,
         when={"forward": ("on",)},
     )  # fmt: skip
+    height_rms: Tensor = parameter(
+        HEIGHT, unit="µm", doc="rms height σ", default=1.0, held=1.0, log=True, arbitrary=True,
+        variants=((_COHERENT, {"held": None, "arbitrary": False}),),
+    )  # fmt: skip
     wavelength: Tensor = parameter(
-        interval(0.2, 2), unit="µm", doc="wavelength λ", default=0.55, held=0.55, when=_COHERENT
+        interval(0.2, 2), unit="µm", doc="wavelength λ", default=0.55, held=0.55, when=_COHERENT, optics=True
     )
     solid_angle: Tensor = parameter(
-        interval(1e-5, 1), unit="sr", doc="solid angle of the source", default=5e-4, held=5e-4, log=True, when=_COHERENT
-    )
+        interval(1e-5, 1), unit="sr", doc="solid angle of the source", default=5e-4, held=5e-4, log=True,
+        when=_COHERENT, optics=True,
+    )  # fmt: skip
     directional: str = option("on", choices=_SWITCH, doc="directional-diffuse reflection (eq. 9)")
     uniform: str = option("off", choices=_SWITCH, doc="first-surface uniform-diffuse reflection (eq. 11)")
     subsurface: str = option("on", choices=_SWITCH, doc="subsurface uniform-diffuse reflection (eq. 12)")
@@ -201,13 +210,15 @@ class LiTorrance(RoughSurface):
         out: list[Term] = []
         if self.uniform == "on":
             out += FirstSurfaceDiffuse().terms(directions)
+        if "on" in (self.subsurface, self.forward):
+            entered = _transmitted(directions)
         if self.subsurface == "on":
-            out += SubsurfaceDiffuse().terms(directions)
+            out.append(_subsurface(entered))
         if "on" not in (self.directional, self.forward):
             return tuple(out)
         roughness = self.roughness(directions)
         if self.forward == "on":
-            out.append(_forward(roughness, directions, self.law))
+            out.append(_forward(roughness, directions, entered, self.law))
         if self.directional == "on":
             lobe = roughness.lobe(directions)
             if self.coherent == "on":
@@ -230,36 +241,44 @@ def _transmitted(directions: Directions) -> Tensor:
 
 def _entered(cos: Tensor, short: Tensor) -> Tensor:
     """1 − (1 − cos θ)⁵, `short` = 1 − cos θ, without cancellation at grazing."""
-    return cos * (1 + short * (1 + short * (1 + short * (1 + short))))
+    square = short * short
+    return cos * ((1 + short) * (1 + square) + square * square)
 
 
-def _forward(roughness: Roughness, directions: Directions, law: str) -> Term:
+def _subsurface(entered: Tensor) -> Term:
+    return Term(("k_uds", rest_of("f0"), rest_of("f0")), entered / math.pi)
+
+
+def _forward(roughness: Roughness, directions: Directions, entered: Tensor, law: str) -> Term:
     d = directions
-    exponent = _tan2(d, d.sin_i, d.cos_o) * _inverse(roughness, d.along_tangent[0])
+    ahead = (-d.tangential).clamp(min=0)
+    exponent = _tan2(ahead, d.crosswise, d.sin_i, d.cos_o) * _inverse(roughness, d, 0)
     if law == "reciprocal":
-        exponent = 0.5 * (exponent + _tan2(d, d.sin_o, d.cos_i) * _inverse(roughness, d.along_tangent[1]))
-    lobe = torch.exp(-exponent) * d.short_i * d.short_o * _transmitted(d) / math.pi
+        exponent = 0.5 * (exponent + _tan2(ahead, d.crosswise, d.sin_o, d.cos_i) * _inverse(roughness, d, 1))
     # All derivatives vanish where the lobe ends.
-    lobe = torch.where(d.tangential < 0, lobe, torch.zeros_like(lobe))
+    lobe = decay(exponent) * torch.sign(ahead) * d.short_i * d.short_o * entered / math.pi
     return Term(("k_fs", rest_of("f0"), rest_of("f0")), lobe)
 
 
-def _tan2(directions: Directions, sin_i: Tensor, cos_o: Tensor) -> Tensor:
+def _tan2(ahead: Tensor, crosswise: Tensor, sin_i: Tensor, cos_o: Tensor) -> Tensor:
     """tan²θf for light at `sin_i` and viewer at `cos_o`, its sine a sum of squares: no digits are lost at θf = 0."""
-    sin2 = cos_o.square() + (directions.crosswise / sin_i).square()
-    return sin2 / ((-directions.tangential).clamp(min=0) / sin_i).square().clamp(min=1e-6)
+    sin2 = cos_o.square() + (crosswise / sin_i).square()
+    return sin2 / (ahead / sin_i).square().clamp(min=1e-6)
 
 
-def _inverse(roughness: Roughness, share_x: Tensor) -> Tensor:
-    """1/(16 me²) along an azimuth with cos²φ = `share_x`; roughness holds 2 me."""
-    x, y = (slope.clamp(min=2e-2).square() for slope in (roughness.slope_x, roughness.slope_y))
-    return 0.25 * (share_x / x + (1 - share_x) / y)
+def _inverse(roughness: Roughness, directions: Directions, side: int) -> Tensor:
+    """1/(16 me²) along the azimuth of the light (`side` 0) or the viewer (1); roughness holds 2 me."""
+    x = 0.25 / roughness.slope_x.clamp(min=2e-2).square()
+    if roughness.isotropic:
+        return x
+    share = directions.along_tangent[side]
+    return share * x + (1 - share) * (0.25 / roughness.slope_y.clamp(min=2e-2).square())
 
 
 def _coherent_share(roughness: Roughness, directions: Directions, ratio: Tensor) -> Tensor:
     """e^(−g), `ratio` = σ/λ."""
     apparent = 2 * math.pi * ratio * roughness.effective * (directions.cos_i + directions.cos_o)
-    return torch.exp(-apparent.square())
+    return decay(apparent.square())
 
 
 def _coherent(roughness: Roughness, directions: Directions, share: Tensor, solid_angle: Tensor) -> tuple[Term, ...]:
@@ -273,5 +292,4 @@ def _coherent(roughness: Roughness, directions: Directions, share: Tensor, solid
 def mirror_kernel(directions: Directions, solid_angle: Tensor) -> Tensor:
     """K(γ) of `Coherent`: a lobe about the mirror direction as wide as a source of that solid angle, ∫ K dω = 1."""
     width = solid_angle / (2 * math.pi)
-    exponent = (0.5 * directions.mirror_chord2 / width).clamp(max=750.0)
-    return torch.exp(-exponent) / (solid_angle * -torch.expm1(-2 / width))
+    return decay(0.5 * directions.mirror_chord2 / width) / (solid_angle * -torch.expm1(-2 / width))

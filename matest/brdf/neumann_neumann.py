@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from matest.brdf.base import Brdf, Term
+from matest.brdf.microfacet import decay
 from matest.directions import Directions
 from matest.parameters import interval, parameter, unit_interval
 
@@ -18,7 +19,7 @@ def mirror_power(directions: Directions, exponent: Tensor) -> Tensor:
     """(R·V)₊ⁿ, R the mirror direction of L; from |R − V|², so that it keeps its digits at the peak."""
     short = 0.5 * directions.mirror_chord2
     inside = short.clamp(max=1 - 1e-6)
-    power = torch.exp(exponent * torch.log1p(-inside))
+    power = decay(-exponent * torch.log1p(-inside))
     return torch.where(short < 1, power, torch.zeros_like(power))
 
 

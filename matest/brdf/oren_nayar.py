@@ -57,10 +57,9 @@ class OrenNayar(Brdf):
 
         theta_i, theta_o, s = d.theta_i, d.theta_o, d.tangential
         # α belongs to the more oblique direction. Azimuth-free: s = sin α sin β cos Δφ, and sin β / sin α ≤ 1.
-        oblique_i = theta_i > theta_o
         alpha, beta = torch.maximum(theta_i, theta_o), torch.minimum(theta_i, theta_o)
-        sin_alpha, sin_beta = torch.where(oblique_i, d.sin_i, d.sin_o), torch.where(oblique_i, d.sin_o, d.sin_i)
-        cos_beta = torch.where(oblique_i, d.cos_o, d.cos_i).clamp(min=_COS_FLOOR)
+        sin_alpha, sin_beta = torch.maximum(d.sin_i, d.sin_o), torch.minimum(d.sin_i, d.sin_o)
+        cos_beta = torch.maximum(d.cos_i, d.cos_o).clamp(min=_COS_FLOOR)
         ratio = sin_beta / sin_alpha
         beta_over_sin = beta / sin_beta
         half_tangent = (sin_alpha + sin_beta) / (d.cos_i + d.cos_o).clamp(min=_COS_FLOOR)
@@ -68,9 +67,10 @@ class OrenNayar(Brdf):
         # Forward of the plane normal to incidence, C2 = B (sin α − (2β/π)³); the case split is continuous (s = 0).
         # 1 − (2β/π)³/sin α is formed from 1 − 2β/π and 1 − sin α: near double grazing it vanishes before tan β grows.
         away = (2 / math.pi) * torch.atan2(cos_beta, sin_beta)
-        short = torch.where(oblique_i, d.cos_i, d.cos_o).square() / (1 + sin_alpha)
+        short = torch.minimum(d.cos_i, d.cos_o).square() / (1 + sin_alpha)
         forward = (away * (3 - away * (3 - away)) - short) / sin_alpha
-        in_plane = s / cos_beta * torch.where(s < 0, forward, torch.ones_like(forward))
+        backward = s.clamp(min=0)
+        in_plane = (backward + (s - backward) * forward) / cos_beta
         # (1 − |cos Δφ|)(αβ)²; |cos Δφ| = |s| / (sin α sin β).
         out_of_plane = (alpha * beta).square() - alpha * beta * (alpha / sin_alpha) * beta_over_sin * s.abs()
         bounce = 1 - s * (4 / math.pi**2) * beta_over_sin * beta_over_sin * ratio

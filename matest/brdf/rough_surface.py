@@ -10,14 +10,17 @@ import torch
 from torch import Tensor
 
 from matest.brdf.base import Brdf
-from matest.brdf.microfacet import beckmann_anisotropic
+from matest.brdf.microfacet import beckmann, beckmann_anisotropic
 from matest.directions import Directions
+from matest.errors import InputError
 from matest.parameters import interval, option, parameter, unit_interval
 
-_LENGTH = interval(1, 100)
+HEIGHT, _LENGTH = interval(0.01, 2), interval(1, 100)
 _ISOTROPIC, _ANISOTROPIC = {"anisotropy": ("none",)}, {"anisotropy": ("printed", "corrected")}
-# Cosines below this count as this; 1 − cos θ is kept above the second: its logarithm meets an exponent.
-_COS_FLOOR, _REST_FLOOR = 1e-4, 1e-12
+# Cosines below this count as this: at grazing the roughness of eq. 8 ends.
+_COS_FLOOR = 1e-4
+# Above this they do in the logarithm of 1 − cos θ: it stays finite in float32.
+_COS_CEILING = 1 - 2**-24
 # Exponents τ/σ are kept here: smoother surfaces have no masking, and none is this jagged.
 _EXPONENTS = (0.1, 1e3)
 
@@ -26,51 +29,85 @@ _EXPONENTS = (0.1, 1e3)
 class RoughSurface(Brdf):
     """Parameters of a rough surface: reflectance at normal incidence and the two lengths of its roughness.
 
-    `f0`; `height_rms` σ and `correlation_length` τ in µm: only their ratio has an effect, except on coherent light.
-    `masking=off` takes S = 1 and σe = σ (smooth surfaces, guideline C). With `anisotropy` τ differs along tangent and
-    bitangent (`correlation_length_x`, `_y`), and the azimuthal law of S is that of eq. 25 as `printed`, or `corrected`
-    to the slope along the azimuth.
+    `f0`; `height_rms` σ and `correlation_length` τ in µm: only their ratio has an effect, except on coherent light; an
+    estimate reports it as `slope_ratio`.
+    `masking=off` takes S = 1 and σe = σ (smooth surfaces, guideline C; or directions within `unmasked_angle`). With
+    `anisotropy` τ differs along tangent and bitangent (`correlation_length_x`, `_y`), and the azimuthal law of S is
+    that of eq. 25 as `printed`, or `corrected` to the slope along the azimuth.
     """
 
     f0: Tensor = parameter(
         unit_interval, unit="1", doc="reflectance at normal incidence", default=0.04, held=0.04, log=True
     )
-    height_rms: Tensor = parameter(interval(0.01, 2), unit="µm", doc="rms height σ", default=1.0, held=1.0, log=True)
+    height_rms: Tensor = parameter(
+        HEIGHT, unit="µm", doc="rms height σ", default=1.0, held=1.0, log=True, arbitrary=True
+    )
     correlation_length: Tensor = parameter(
-        _LENGTH, unit="µm", doc="correlation length τ", default=5.0, log=True, when=_ISOTROPIC
-    )
+        _LENGTH, unit="µm", doc="correlation length τ", default=5.0, log=True, when=_ISOTROPIC,
+        ratio=("slope_ratio", "height_rms"),
+    )  # fmt: skip
     correlation_length_x: Tensor = parameter(
-        _LENGTH, unit="µm", doc="correlation length along the tangent", default=5.0, log=True, when=_ANISOTROPIC
-    )
+        _LENGTH, unit="µm", doc="correlation length along the tangent", default=5.0, log=True, when=_ANISOTROPIC,
+        ratio=("slope_ratio_x", "height_rms"),
+    )  # fmt: skip
     correlation_length_y: Tensor = parameter(
-        _LENGTH, unit="µm", doc="correlation length along the bitangent", default=10.0, log=True, when=_ANISOTROPIC
-    )
+        _LENGTH, unit="µm", doc="correlation length along the bitangent", default=10.0, log=True, when=_ANISOTROPIC,
+        ratio=("slope_ratio_y", "height_rms"),
+    )  # fmt: skip
     masking: str = option("on", choices=("on", "off"), doc="shadowing, masking and effective roughness")
     anisotropy: str = option("none", choices=("none", "printed", "corrected"), doc="law of the azimuth")
 
     def roughness(self, directions: Directions) -> Roughness:
         """Slopes 2 σe/τ and S/(4 cos θi cos θr) at directions."""
-        lengths = [self.correlation_length] * 2
-        if self.anisotropy != "none":
-            lengths = [self.correlation_length_x, self.correlation_length_y]
+        isotropic = self.anisotropy == "none"
+        lengths = (self.correlation_length,) if isotropic else (self.correlation_length_x, self.correlation_length_y)
         ratios = [self.height_rms / length for length in lengths]
         cos_i, cos_o = directions.cos_i.clamp(min=_COS_FLOOR), directions.cos_o.clamp(min=_COS_FLOOR)
         if self.masking == "off":
-            product = cos_i * cos_o
-            return Roughness(2 * ratios[0], 2 * ratios[1], 0.25 / product, torch.ones_like(product))
-        if self.anisotropy == "none":
-            k_i = k_o = 1 / ratios[0]
+            masked = 0.25 / (cos_i * cos_o)
+            effective = torch.ones_like(masked)
         else:
-            k_i, k_o = (_along(ratios, share, self.anisotropy) for share in directions.along_tangent)
-        k_i, k_o = k_i.clamp(*_EXPONENTS), k_o.clamp(*_EXPONENTS)
-        log_i, log_o = _log_rest(cos_i), _log_rest(cos_o)
-        masked = 0.25 * (-torch.expm1(k_i * log_i) / cos_i) * (-torch.expm1(k_o * log_o) / cos_o)
-        shrunk = 0.1 * (k_i * _log_unmasked(1.6 * k_i * log_i) + k_o * _log_unmasked(1.6 * k_o * log_o))
-        effective = torch.exp(shrunk.clamp(min=_LOG_LIMIT))
-        return Roughness(2 * ratios[0] * effective, 2 * ratios[1] * effective, masked, effective)
+            if isotropic:
+                k_i = k_o = (1 / ratios[0]).clamp(*_EXPONENTS)
+            else:
+                along = (_along(ratios, share, self.anisotropy) for share in directions.along_tangent)
+                k_i, k_o = (k.clamp(*_EXPONENTS) for k in along)
+            masked, effective = _masking(cos_i, cos_o, k_i, k_o)
+        slopes = [2 * ratio * effective for ratio in ratios]
+        return Roughness(slopes[0], slopes[-1], masked, effective)
 
 
+# Effective roughness is at least this share of σ.
 _LOG_LIMIT = math.log(1e-4)
+
+
+def _masking(cos_i: Tensor, cos_o: Tensor, k_i: Tensor, k_o: Tensor) -> tuple[Tensor, Tensor]:
+    """S/(4 cos θi cos θr) and σe/σ (eq. 6, 8) for k = τ/σ along the azimuths of both directions."""
+    # k log(1 − cos θ). Differences from 1 come in pairs: their signs cancel.
+    x_i = k_i * torch.log1p(-cos_i.clamp(max=_COS_CEILING))
+    x_o = k_o * torch.log1p(-cos_o.clamp(max=_COS_CEILING))
+    masked = 0.25 * (torch.expm1(x_i) * torch.expm1(x_o)) / (cos_i * cos_o)
+    rest_i, rest_o = torch.expm1(1.6 * x_i), torch.expm1(1.6 * x_o)
+    if k_i is k_o:
+        shrunk = 0.1 * k_i * torch.log(rest_i * rest_o)
+    else:
+        shrunk = 0.1 * (k_i * torch.log(-rest_i) + k_o * torch.log(-rest_o))
+    return masked, torch.exp(shrunk.clamp(min=_LOG_LIMIT))
+
+
+def unmasked_angle(slope_ratio: float) -> float:
+    """The angle from the normal in radians up to which S > 0.99 for both directions: within it masking may be off.
+
+    cos θ > 1 − 0.005^(σ/τ), `slope_ratio` σ/τ.
+
+    Raises:
+        InputError: a ratio that is not positive.
+
+    Source: Li & Torrance 2005, eq. 7, whose print has the exponent τ/σ.
+    """
+    if not slope_ratio > 0:
+        raise InputError(f"slope_ratio is height_rms / correlation_length and must be positive; got {slope_ratio}.")
+    return math.acos(1 - 0.005**slope_ratio)
 
 
 class Roughness(NamedTuple):
@@ -90,7 +127,13 @@ class Roughness(NamedTuple):
 
     def lobe(self, directions: Directions) -> Tensor:
         """S D/(π cos θi cos θr) = S Dn/(4 cos θi cos θr), Dn Beckmann's normalised distribution."""
+        if self.isotropic:
+            return beckmann(directions, self.slope_x) * self.masked
         return beckmann_anisotropic(directions, self.slope_x, self.slope_y) * self.masked
+
+    @property
+    def isotropic(self) -> bool:
+        return self.slope_x is self.slope_y
 
 
 def _along(ratios: list[Tensor], share_x: Tensor, law: str) -> Tensor:
@@ -98,14 +141,3 @@ def _along(ratios: list[Tensor], share_x: Tensor, law: str) -> Tensor:
     if law == "printed":
         return (share_x / ratios[0].square() + (1 - share_x) / ratios[1].square()).sqrt()
     return (share_x * ratios[0].square() + (1 - share_x) * ratios[1].square()).rsqrt()
-
-
-def _log_rest(cos: Tensor) -> Tensor:
-    """log(1 − cos θ), accurate at grazing and bounded at normal incidence."""
-    grazing = torch.log1p(-cos.clamp(max=0.5))
-    return torch.where(cos < 0.5, grazing, (1 - cos).clamp(min=_REST_FLOOR).log())
-
-
-def _log_unmasked(exponent: Tensor) -> Tensor:
-    """log(1 − e^x) for x ≤ 0, bounded where x vanishes."""
-    return torch.log(-torch.expm1(exponent.clamp(max=-1e-6)))

@@ -6,11 +6,10 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-import torch
 from torch import Tensor
 
 from matest.brdf.base import Brdf, Term
-from matest.brdf.microfacet import v_cavity
+from matest.brdf.microfacet import decay, v_cavity
 from matest.directions import Directions
 from matest.parameters import interval, parameter, unit_interval
 
@@ -46,5 +45,5 @@ class TorranceSparrow(Brdf):
 
     def terms(self, directions: Directions) -> tuple[Term, ...]:
         spread = self.sigma.clamp(min=_SIGMA_FLOOR)
-        lobe = torch.exp(-0.5 * directions.theta2_half / spread.square())
+        lobe = decay(0.5 * directions.theta2_half / spread.square())
         return (Term(("specular",), 4 * lobe * v_cavity(directions)),)

@@ -227,9 +227,9 @@ def test_complementary_weights_take_from_the_body_what_the_surface_has() -> None
 
 
 def test_surface_alone_has_no_body() -> None:
-    """Where the lobe has no light either."""
+    """Where the lobe has no light either but the last that a number can hold."""
     value = CookTorrance(0.6, 1.0, 0.05, weights="complementary")(degrees(70), degrees(70, 0))
-    assert value.item() == 0
+    assert 0 <= value.item() < tolerances.UNDERFLOW
 
 
 def test_whole_plastic_vase_in_fifty_digits() -> None:
