@@ -11,7 +11,7 @@ from torch import Tensor
 from matest.brdf.base import factor_value, named_by
 from matest.capture import Capture, Samples
 from matest.capture.samples import BLOCKS
-from matest.estimators import AllTiles, Solution, accumulate, at_bound, bounded_step
+from matest.estimators import AllTiles, Problem, Solution, accumulate, at_bound, bounded_step
 from matest.result import ParameterEstimate
 from matest.uncertainty import Covariance, correlation_of_residuals, fisher, jackknife, quantile95
 
@@ -146,7 +146,73 @@ def parameter_estimates(solution: Solution, bars: ErrorBars) -> dict[str, Parame
             out[name] = replace(found, status=status, unit=declared.unit, doc=declared.doc)
         elif not declared.gauge or float(value) != 1:
             out[name] = ParameterEstimate(value.tolist(), None, None, declared.unit, "fixed", declared.doc)
+    for name in problem.brdf.declared:
+        if problem.declared(name).ratio is not None:
+            out[_ratio_label(problem, name)] = _ratio(solution, bars, name, out[name])
+            numerator = _numerator(problem, name)
+            if numerator in problem.arbitrary and name in problem.where:
+                for length in (numerator, name):
+                    out[length] = replace(out[length], value=None, std=None, interval95=None, status="not determined")
     return out
+
+
+def reported_labels(problem: Problem) -> list[str]:
+    """A name for every row of `reported_correlation`."""
+    return [_ratio_label(problem, label) if known_by_ratio(problem, label) else label for label in problem.labels]
+
+
+def reported_correlation(solution: Solution, bars: ErrorBars) -> list[list[float]]:
+    """Correlation of the estimates; a length of which only the ratio to another is known stands for that ratio."""
+    problem = solution.problem
+    sign = torch.tensor([-1.0 if known_by_ratio(problem, label) else 1.0 for label in problem.labels])
+    return (bars.covariance.correlation * sign[:, None] * sign[None, :]).tolist()
+
+
+def known_by_ratio(problem: Problem, name: str) -> bool:
+    """Whether only the ratio of a parameter to another has an effect."""
+    declared = problem.brdf.declared.get(name)
+    if declared is None or declared.ratio is None:
+        return name in problem.arbitrary
+    return _numerator(problem, name) in problem.arbitrary
+
+
+def _numerator(problem: Problem, name: str) -> str:
+    ratio = problem.declared(name).ratio
+    assert ratio is not None
+    return name.removesuffix(name.rpartition(".")[2]) + ratio[1]
+
+
+def _ratio_label(problem: Problem, name: str) -> str:
+    ratio = problem.declared(name).ratio
+    assert ratio is not None
+    return name.removesuffix(name.rpartition(".")[2]) + ratio[0]
+
+
+def _ratio(solution: Solution, bars: ErrorBars, name: str, denominator: ParameterEstimate) -> ParameterEstimate:
+    """The ratio of a parameter `Parameter.ratio` names to this one, with its error bar to first order."""
+    problem, numerator = solution.problem, _numerator(solution.problem, name)
+    values = problem.values(solution.unknowns)
+    top, bottom = float(values[numerator]), float(values[name])
+    ratio = top / bottom
+    doc = f"{numerator} / {name}"
+    source = problem.ties.get(name, name)
+    if source not in problem.where:
+        return ParameterEstimate(ratio, None, None, "1", denominator.status, doc)
+    if numerator in problem.where:
+        places = [problem.where[numerator].start, problem.where[source].start]
+        relative = torch.tensor([1 / top, -1 / bottom], dtype=torch.float64)
+        std = ratio * float(relative @ bars.covariance.matrix[places][:, places] @ relative) ** 0.5
+        states = {parameter_estimate(solution, bars, numerator).status, denominator.status}
+        if states != {"determined"}:
+            return ParameterEstimate(None, None, None, "1", "not determined", doc)
+        reach = quantile95(bars.covariance.degrees) * std
+        return ParameterEstimate(ratio, std, [max(ratio - reach, 0.0), ratio + reach], "1", "determined", doc)
+    if denominator.value is None:
+        return ParameterEstimate(None, None, None, "1", denominator.status, doc)
+    std_bottom = denominator.std
+    spread = None if std_bottom is None else ratio * float(std_bottom) / bottom  # type: ignore[arg-type]
+    ends = [top / end for end in reversed(denominator.interval95)]
+    return ParameterEstimate(ratio, spread, ends, "1", denominator.status, doc)
 
 
 def parameter_estimate(solution: Solution, bars: ErrorBars, name: str) -> ParameterEstimate:

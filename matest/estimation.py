@@ -13,13 +13,22 @@ from torch import Tensor
 
 from matest.brdf import Brdf, Sum
 from matest.capture import Capture, Samples
-from matest.error_bars import ErrorBars, error_bars, flat_at_bound, parameter_estimate, parameter_estimates
+from matest.error_bars import (
+    ErrorBars,
+    error_bars,
+    flat_at_bound,
+    known_by_ratio,
+    parameter_estimate,
+    parameter_estimates,
+    reported_correlation,
+    reported_labels,
+)
 from matest.errors import InputError
 from matest.estimators import AllTiles, Problem, Solution, accumulate, fit
 from matest.result import Candidate, Estimate, Fit, ParameterEstimate
 from matest.selection import select
 from matest.shader import render
-from matest.specification import Constraints, Specification, Value, freed, specify
+from matest.specification import Constraints, Specification, Value, freed, optics, specify
 from matest.uncertainty import fisher
 
 # Worth a word of warning: less than this share of the mask is geometry, or a fit worse than this.
@@ -66,7 +75,9 @@ def estimate(
     candidates: list[Candidate] = []
     if model == "auto":
         model, candidates = select(samples, constraints, seed, progress)
-    specification = specify(model, constraints, channels=capture.channels, relative=capture.relative)
+    specification = specify(
+        model, constraints, channels=capture.channels, relative=capture.relative, scene=capture.scene
+    )
     solution = fit(specification.problem, samples, seed, progress)
     bars = error_bars(solution, capture)
     wider = freed(specification, _worth_freeing(specification, solution, samples))
@@ -102,8 +113,8 @@ def estimate(
         model=material.expression,
         material=material,
         parameters=parameters,
-        labels=solution.problem.labels,
-        correlation=bars.covariance.correlation.tolist(),
+        labels=reported_labels(solution.problem),
+        correlation=reported_correlation(solution, bars),
         fit=outcome,
         relative=capture.relative,
         candidates=candidates,
@@ -122,6 +133,7 @@ def predict(material: Brdf, capture: Capture) -> tuple[np.ndarray, list[float | 
     Raises:
         InputError: the material has a value per channel for another number of channels.
     """
+    material = material.replace(optics(material, capture.scene))
     errors = image_errors(capture, material)
     return render(capture.scene, material).detach().numpy(), errors
 
@@ -240,6 +252,11 @@ def _warnings(
             f"{name} is held at {float(solution.problem.held[name]):g}: these images do not determine it beside the "
             f"strength of the highlight; --free {name} estimates it all the same, --fix {name}=VALUE sets it."
         )
+    for name in specification.assumed:
+        value = float(solution.problem.held[name])
+        unit = solution.problem.declared(name).unit
+        where = "the lights" if name.endswith("solid_angle") else "[camera]"
+        out.append(f"{name} is taken as {value:g} {unit}: {where} of the capture should say it.")
     surface = capture.scene.surface
     if surface.coverage < _COVERED:
         out.append(
@@ -254,6 +271,7 @@ def _warnings(
             "lights, and that normals have y up and z toward the viewer, or try another model."
         )
     lost = [name for name, parameter in parameters.items() if parameter.status == "not determined"]
+    lost = [name for name in lost if not known_by_ratio(solution.problem, name)]
     if len(lost) > 1:
         out.append(f"{' and '.join(lost)} are not determined: these images see only a combination of them; fix one.")
     elif lost:

@@ -79,6 +79,9 @@ class Parameter:
         when: the parameter exists only while these options of its model have one of these values.
         variants: other attributes that it has while these options have one of these values.
         periodic: the ends of the domain are the same value.
+        arbitrary: held at a value that nothing depends on: only the ratios to it have an effect.
+        ratio: (name, numerator): an estimate reports numerator / value under that name.
+        optics: light or camera give it, under the same name (`Scene.optics`).
     """
 
     domain: Domain
@@ -91,6 +94,9 @@ class Parameter:
     when: Mapping[str, tuple[str, ...]] = dataclasses.field(default_factory=dict)
     variants: tuple[tuple[Mapping[str, tuple[str, ...]], Mapping[str, Any]], ...] = ()
     periodic: bool = False
+    arbitrary: bool = False
+    ratio: tuple[str, str] | None = None
+    optics: bool = False
 
     def under(self, options: Mapping[str, str]) -> Parameter | None:
         """The declaration under a model's options; None where the parameter does not exist."""

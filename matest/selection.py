@@ -65,7 +65,9 @@ def select(
     for expression in CANDIDATES:
         # A candidate that the constraints do not fit is not tried.
         with contextlib.suppress(InputError):
-            found = specify(expression, constraints, channels=capture.channels, relative=capture.relative)
+            found = specify(
+                expression, constraints, channels=capture.channels, relative=capture.relative, scene=capture.scene
+            )
             problems[expression] = found.problem
     if not problems:
         names = ", ".join([*constraints.fix, *constraints.free, *constraints.tie])

@@ -27,7 +27,7 @@ from matest.capture.photometry import Encoding, Noise
 from matest.errors import InputError
 from matest.scene import Scene
 from matest.shader import render_image
-from matest.specification import resolve
+from matest.specification import optics, resolve
 
 # Exposure of integer images whose scale is not given: the brightest pixel at this share of full scale.
 _EXPOSED = 0.9
@@ -80,6 +80,10 @@ def load_scene(path: str | Path) -> SceneDescription:
         mask = read_mask(folder.file(tables.mask, "mask")) > 0
         surface = surface.take(mask.repeat(factor, axis=0).repeat(factor, axis=1).flat[surface.pixels])
     scene, _ = build_scene(tables, folder, surface, channels)
+    try:
+        material = material.replace(optics(material, scene))
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from None
     return SceneDescription(file, tables, shape, channels, material, scene, factor)
 
 
@@ -163,6 +167,7 @@ def _channels(tables: schema.SceneFile, material: Brdf, label: str) -> int:
     colours += [
         c for i in tables.image for light in i.lights for c in (light.irradiance, light.intensity, light.radiance)
     ]
+    colours.append(tables.camera.wavelength if tables.camera else None)
     lengths = {len(c) for c in colours if isinstance(c, list)}
     lengths |= {len(value) for value in material.parameters.values() if value.ndim}
     lengths -= {1}

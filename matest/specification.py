@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import torch
@@ -12,6 +12,7 @@ from matest.brdf import Brdf, Sum, model
 from matest.brdf.base import absent, rest_of
 from matest.errors import InputError, nearest
 from matest.estimators import Problem
+from matest.scene import Scene
 
 Value = float | Sequence[float]
 
@@ -38,14 +39,20 @@ class Specification:
     Attributes:
         problem: ready to be solved.
         default_held: parameters that would be estimated if the capture determined them.
+        assumed: parameters that lights or camera should give and do not.
     """
 
     problem: Problem
     default_held: tuple[str, ...]
+    assumed: tuple[str, ...] = ()
 
 
-def specify(expression: str, constraints: Constraints, *, channels: int, relative: bool) -> Specification:
+def specify(
+    expression: str, constraints: Constraints, *, channels: int, relative: bool, scene: Scene | None = None
+) -> Specification:
     """The problem that an expression and constraints describe, for images of `channels` channels.
+
+    `scene` gives what models take from lights and camera.
 
     Raises:
         InputError: an unknown model or parameter, a value outside its domain, a tie that makes no sense.
@@ -74,9 +81,13 @@ def specify(expression: str, constraints: Constraints, *, channels: int, relativ
         raise InputError(f"{', '.join(sorted(clash))} cannot be both fixed and free; give one of --fix and --free.")
 
     held: dict[str, Tensor] = dict(fixed)
-    default_held = []
+    seen = optics(brdf, scene, without={*fixed, *freed, *ties}) if scene else {}
+    held |= {name: _value(brdf, name, value, channels) for name, value in seen.items()}
+    default_held: list[str] = []
+    assumed: list[str] = []
+    arbitrary: list[str] = []
     for name, declared in brdf.declared.items():
-        if name in fixed or name in freed or name in ties:
+        if name in held or name in freed or name in ties:
             continue
         if declared.gauge and not relative:
             held[name] = torch.tensor(1.0, dtype=torch.float64)
@@ -84,11 +95,12 @@ def specify(expression: str, constraints: Constraints, *, channels: int, relativ
             held[name] = torch.tensor(0.0, dtype=torch.float64)
         elif declared.held is not None:
             held[name] = torch.tensor(declared.held, dtype=torch.float64)
-            default_held.append(name)
+            (arbitrary if declared.arbitrary else assumed if declared.optics else default_held).append(name)
     free = tuple(name for name in brdf.declared if name not in held and name not in ties)
     if relative:
         _check_scale(brdf, free, held, ties)
-    return Specification(Problem(brdf, channels, free, held, ties, relative), tuple(default_held))
+    problem = Problem(brdf, channels, free, held, ties, relative, arbitrary=tuple(arbitrary))
+    return Specification(problem, tuple(default_held), tuple(assumed))
 
 
 def freed(specification: Specification, names: Sequence[str]) -> Specification:
@@ -96,10 +108,19 @@ def freed(specification: Specification, names: Sequence[str]) -> Specification:
     problem = specification.problem
     held = {name: value for name, value in problem.held.items() if name not in names}
     free = tuple(name for name in problem.brdf.declared if name in problem.free or name in names)
-    return Specification(
-        replace(problem, free=free, held=held),
-        tuple(name for name in specification.default_held if name not in names),
-    )
+    left = tuple(name for name in specification.default_held if name not in names)
+    return replace(specification, problem=replace(problem, free=free, held=held), default_held=left)
+
+
+def optics(brdf: Brdf, scene: Scene, without: Collection[str] = ()) -> dict[str, list[float]]:
+    """What a model takes from the lights and the camera of a scene, by name (in a sum: by path).
+
+    Raises:
+        InputError: see `Scene.optics`.
+    """
+    wanted = [name for name, declared in brdf.declared.items() if declared.optics and name not in without]
+    found = {name: scene.optics(name.rpartition(".")[2]) for name in wanted}
+    return {name: value.tolist() for name, value in found.items() if value is not None}
 
 
 def resolve(brdf: Brdf, name: str) -> str:

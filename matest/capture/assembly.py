@@ -135,7 +135,14 @@ def build_scene(tables: CaptureFile, folder: Folder, surface: Surface, channels:
         lights.append(built)
         known &= given
         ambient.append(colour(table.ambient, channels, f"{label}: ambient"))
-    return Scene(surface, tuple(lights), torch.stack(ambient)).with_shadows(), known
+    wavelength = None
+    if tables.camera is not None and tables.camera.wavelength is not None:
+        wavelength = colour(tables.camera.wavelength, channels, f"{folder.source}: camera.wavelength")
+        if not bool(((wavelength > 0.1) & (wavelength < 20)).all()):
+            raise InputError(
+                f"{folder.source}: camera.wavelength is in µm (green is 0.55); got {tables.camera.wavelength}."
+            )
+    return Scene(surface, tuple(lights), torch.stack(ambient), wavelength=wavelength).with_shadows(), known
 
 
 def build_encoding(

@@ -47,8 +47,9 @@ class Linearisation:
         self._problem = problem
         self._values = problem.values(unknowns)
         self._derivatives = derivatives
-        # A shape parameter per channel makes every shape per channel.
-        self._width = max((problem.count(name) for name in problem.shapes), default=1)
+        # A value per channel of anything but a factor makes every shape per channel.
+        shapes = {name for name in problem.brdf.declared if name not in problem.brdf.factors}
+        self._width = max((value.numel() for name, value in self._values.items() if name in shapes), default=1)
         self._sky: tuple[Tensor, dict[str, Tensor]] | None = None
 
     def basis(self, batch: Batch, *, cut: bool = True) -> Basis:

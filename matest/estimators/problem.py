@@ -28,6 +28,7 @@ class Problem:
         relative: the light scale is unknown: albedo-like parameters have no upper bound.
         gauge_limit: largest value of gauge parameters, the reciprocal of the brightest albedo: a facet reflects at
             most all light.
+        arbitrary: held parameters that only set a scale: nothing depends on them but ratios to them.
     """
 
     brdf: Brdf
@@ -37,6 +38,7 @@ class Problem:
     ties: Mapping[str, str]
     relative: bool = False
     gauge_limit: float = math.inf
+    arbitrary: tuple[str, ...] = ()
 
     @cached_property
     def amplitudes(self) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from matest.directions import to_local
+from matest.errors import InputError
 from matest.scene.lights import Light
 from matest.scene.points import Points
 from matest.scene.surface import Surface
@@ -28,6 +29,7 @@ class Scene:
         shadows: per image, lights × pixels, True where the light is blocked; None where nothing can block it.
         shadow_edge: per image, pixels on the edge of a cast shadow; None likewise.
         unoccluded: share of an even sky that each pixel sees, [N]; None where it is 1, or there is no ambient light.
+        wavelength: of each channel in µm, [C], if known.
     """
 
     surface: Surface
@@ -36,6 +38,7 @@ class Scene:
     shadows: tuple[np.ndarray | None, ...] = ()
     shadow_edge: tuple[np.ndarray | None, ...] = ()
     unoccluded: np.ndarray | None = None
+    wavelength: Tensor | None = None
 
     @property
     def channels(self) -> int:
@@ -43,6 +46,24 @@ class Scene:
 
     def __len__(self) -> int:
         return len(self.lights)
+
+    def optics(self, name: str) -> Tensor | None:
+        """What is known of the `wavelength` of the channels (µm) or the `solid_angle` of the lights (sr).
+
+        Raises:
+            InputError: lights of different solid angles.
+        """
+        if name == "wavelength":
+            return self.wavelength
+        angles = {light.solid_angle for lights in self.lights for light in lights}
+        if len(angles) > 1:
+            said = ", ".join("none" if angle is None else f"{angle:g}" for angle in sorted(angles, key=str))
+            raise InputError(
+                f"a mirror-like reflection needs one solid_angle for all lights, but they have {said} sr: give them "
+                "one, or set it with --fix solid_angle=SR."
+            )
+        angle = next(iter(angles), None)
+        return None if angle is None else torch.tensor(angle, dtype=torch.float64)
 
     def with_shadows(self) -> Scene:
         """The same scene with its cast shadows traced, and the sky that each pixel sees if there is ambient light."""
