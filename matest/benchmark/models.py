@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import torch
 from torch import Tensor
 
-from matest.benchmark.passes import Pass, element_wise, heavy, product, seconds
+from matest.benchmark import table4
+from matest.benchmark.passes import element_wise, heavy, product, seconds
 from matest.benchmark.record import Progress, Record
+from matest.benchmark.timing import TILE, forward, forward_and_backward, random_directions
 from matest.brdf import MODELS, Brdf, model, variants
 
 PAIRS, PAIRS_QUICK = 1_000_000, 100_000
-# Where the time levels off: smaller tiles pay for the calls and stay below the size that torch spreads over threads.
-TILE = 65_536
 # Targets: gradient against value, and a value of Cook-Torrance against the element-wise passes it needs.
 GRADIENT_LIMIT, PASS_LIMIT, PASS_LIMIT_OF = 4.0, 3.0, "cook-torrance"
-
-Evaluate = Callable[[Tensor, Tensor], Tensor]
 
 
 def run(quick: bool, progress: Progress) -> Iterator[Record]:
@@ -30,6 +28,7 @@ def run(quick: bool, progress: Progress) -> Iterator[Record]:
     for number, expression in enumerate(expressions):
         progress(expression, number, len(expressions))
         yield from measure(expression, pairs, compiled=not quick and expression in MODELS)
+    yield from table4.run(pairs, progress)
 
 
 def measure(expression: str, pairs: int, compiled: bool) -> Iterator[Record]:
@@ -45,11 +44,11 @@ def measure(expression: str, pairs: int, compiled: bool) -> Iterator[Record]:
     whole = not heavy(brdf)
     modes = {"tiled": TILE, "one call": pairs} if whole else {"tiled": TILE}
     n = pairs if whole else pairs // 10
-    wi, wo = _directions(n)
+    wi, wo = random_directions(n)
 
     yield Record("models", expression, "pairs", n, "1", "higher")
     for mode, tile in modes.items():
-        times = seconds(product(n, tile), _forward(brdf, wi, wo, tile), _both(brdf, wi, wo, tile))
+        times = seconds(product(n, tile), forward(brdf, wi, wo, tile), forward_and_backward(brdf, wi, wo, tile))
         yield from _times(expression, mode, times, n, GRADIENT_LIMIT)
         if mode == "tiled":
             yield from _passes(expression, brdf, wi[:TILE], wo[:TILE], times[0] / n, times[1] / n)
@@ -84,35 +83,10 @@ def _compiled(expression: str, brdf: Brdf, wi: Tensor, wo: Tensor) -> Iterator[R
         evaluate = torch.compile(brdf.__call__)
         n = len(wi)
         try:
-            times = seconds(product(n, n), _forward(evaluate, wi, wo, n), _both(evaluate, wi, wo, n))
+            times = seconds(product(n, n), forward(evaluate, wi, wo, n), forward_and_backward(evaluate, wi, wo, n))
         except RuntimeError as error:
             note = f"torch.compile failed: {str(error).splitlines()[0]}"
         else:
             yield from _times(expression, "compiled", times, n, None)
             return
     yield Record("models", expression, "compiled forward", None, "pass", note=note)
-
-
-def _forward(evaluate: Evaluate, wi: Tensor, wo: Tensor, tile: int) -> Pass:
-    def run() -> None:
-        with torch.no_grad():
-            for light, view in zip(wi.split(tile), wo.split(tile), strict=True):
-                evaluate(light, view)
-
-    return run
-
-
-def _both(evaluate: Evaluate, wi: Tensor, wo: Tensor, tile: int) -> Pass:
-    def run() -> None:
-        for light, view in zip(wi.split(tile), wo.split(tile), strict=True):
-            evaluate(light, view).sum().backward()
-
-    return run
-
-
-def _directions(n: int) -> tuple[Tensor, Tensor]:
-    """Random unit vectors [n, 3] above the horizon."""
-    vectors = torch.randn(2, n, 3, generator=torch.Generator().manual_seed(0))
-    vectors[..., 2].abs_()
-    wi, wo = torch.nn.functional.normalize(vectors, dim=-1)
-    return wi, wo

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from rich.box import SIMPLE_HEAD
-from rich.console import Group
+from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from matest.benchmark import models, precision, stress
+from matest.benchmark import precision, stress, table4
 from matest.benchmark.record import Record
+from matest.benchmark.timing import TILE
 
 _METRICS = ("forward time", "forward", "forward + backward time", "forward + backward", "gradient")
 _PASSES = ("passes", "time per pass", "time of its own passes")
 
 
 def models_table(records: list[Record]) -> Group:
-    """Times of every model: tile by tile, in one call, compiled; then its element-wise passes."""
+    """Times of every model: tile by tile, in one call, compiled; then its element-wise passes; then Table 4."""
     cases = _by_case(records)
+    published = {case: cases.pop(case) for case in list(cases) if case.startswith(table4.CASE)}
+    dropped = {case: cases.pop(case) for case in list(cases) if case.startswith(table4.WITHOUT)}
     threads = cases.pop("all")["threads"].value
     times = _table("", "forward\nns", "forward\npasses", "+backward\nns", "+backward\npasses", "ratio")
     passes = _table("", "passes", "time\nper pass", "time /\nown passes")
@@ -31,13 +34,39 @@ def models_table(records: list[Record]) -> Group:
     about = (
         f"{pairs:,} pairs of directions (a tenth for sums over facets), float32, threads: {threads}. "
         "Per pair: forward is the value, +backward also its gradient by the parameters, ratio the second to the first. "
-        f"A pass is one element-wise product of two tensors, in the same tiles of {models.TILE:,} (tiled) or whole."
+        f"A pass is one element-wise product of two tensors, in the same tiles of {TILE:,} (tiled) or whole."
     )
     legend = (
         "Passes: numbers that operations write, per pair. Time per pass: tiled forward / (passes × the pass above). "
         "Own passes: the time of the same operations alone."
     )
-    return Group(Text(about), "", times, "", Text(legend), "", passes, *_notes(records))
+    return Group(Text(about), "", times, "", Text(legend), "", passes, *_table4(published, dropped), *_notes(records))
+
+
+def _table4(published: dict[str, dict[str, Record]], dropped: dict[str, dict[str, Record]]) -> list[RenderableType]:
+    """Cost of every model and the error of its fit, and what leaving out a component saves."""
+    costs = _table("Table 4", "paper", *table4.SAMPLES, "error\nof fit", "", "", "")
+    unit = table4.PUBLISHED[table4.UNIT][0]
+    for name, seconds in table4.PUBLISHED.items():
+        found = published[f"{table4.CASE}{name}"]
+        paper = " - ".join(f"{second / unit:.1f}" for second in dict.fromkeys(seconds))
+        errors = [f"{found[f'{sample} error of fit'].value:.0%}" for sample in table4.SAMPLES]
+        row = [_figure(found[f"{sample} cost"]) for sample in table4.SAMPLES]
+        costs.add_row(_name(name), paper, *row, *errors)
+    ours = published[f"{table4.CASE}{table4.OURS}"]
+    rival = _table("", *table4.SAMPLES)
+    needed = (ours[f"{sample} needed components"] for sample in table4.SAMPLES)
+    rival.add_row(Text(f"{table4.OURS} / {table4.RIVAL}"), *map(_figure, needed))
+    savings = _table("li-torrance without", "time saved", "its share\nof the passes")
+    for case, found in dropped.items():
+        saved, share = found["time saved"].value, found["share of the passes"].value
+        savings.add_row(Text(case.removeprefix(table4.WITHOUT)), f"{saved:.1%}", f"{share:.1%}")
+    about = (
+        f"Table 4 of Li & Torrance (2005): run time as a multiple of {table4.UNIT}'s, in the paper (its range over the "
+        "samples) and here (green channel of each sample, float32, tiled), and the error of each model's fit: of the "
+        "published fit, for the measurements are not public, in the same order."
+    )
+    return ["", Text(about), "", costs, "", rival, "", savings]
 
 
 def stress_table(records: list[Record]) -> Group:
