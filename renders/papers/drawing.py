@@ -1,0 +1,59 @@
+"""What the figures of the papers share: colours, axes, radiance along a plane."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from torch import Tensor
+
+from matest.brdf import Brdf
+
+BLACK, ORANGE, BLUE, GREEN, PINK = "#000000", "#D55E00", "#0072B2", "#009E73", "#CC79A7"
+VIEWS = torch.linspace(-85, 85, 171, dtype=torch.float64)  # degrees; negative = away from the light
+
+
+class Drawn(NamedTuple):
+    """A figure, and one or two sentences on what it shows in numbers."""
+
+    figure: Figure
+    measured: str
+
+
+class Entry(NamedTuple):
+    """A figure of a paper.
+
+    Attributes:
+        title: paper and number.
+        published: what the paper says of it.
+        draw: draws it.
+    """
+
+    title: str
+    published: str
+    draw: Callable[[], Drawn]
+
+
+def direction(theta: Tensor | float, azimuth: float = 0.0) -> Tensor:
+    """Unit vectors [..., 3] at polar angles in degrees; negative angles lie across the normal."""
+    angle, turn = torch.deg2rad(torch.as_tensor(theta, dtype=torch.float64)), np.radians(azimuth)
+    return torch.stack([angle.sin() * np.cos(turn), angle.sin() * np.sin(turn), angle.cos()], dim=-1)
+
+
+def radiance(brdf: Brdf, light: float, views: Tensor = VIEWS, azimuth: float = 0.0) -> Tensor:
+    """L/E0 in the plane at `azimuth` from the light, light at `light` degrees: f cos θi."""
+    return brdf(direction(light), direction(views, azimuth))[..., 0] * np.cos(np.radians(light))
+
+
+def axes_of(figure: Figure, *places: Any, ylabel: str) -> Axes:
+    """Axes over the viewing angle in the plane of incidence."""
+    axes = figure.add_subplot(*places)
+    axes.set_xlabel("θr (degrees; negative: forward)")
+    axes.set_ylabel(ylabel)
+    axes.set_xticks(range(-90, 91, 30))
+    axes.grid(alpha=0.25)
+    return axes
