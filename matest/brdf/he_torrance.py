@@ -71,14 +71,14 @@ class HeTorrance(Brdf):
         cos_i, cos_o = (cos.double().clamp(min=_COS_FLOOR) for cos in (d.cos_i, d.cos_o))
         cot_i, cot_o = cos_i / d.sin_i.double(), cos_o / d.sin_o.double()
         half_inverse = length / (2 * height)
-        effective = height / (1 + _height_ratio2(half_inverse, cot_i, cot_o)).sqrt()
+        effective = height * effective_roughness(half_inverse, cot_i, cot_o)
         total = cos_i + cos_o
         g = (2 * math.pi * effective / wavelength * total).square()
         x, y = (slope.double() for slope in d.half_slopes)
         across2 = (x * x + y * y) * d.half_z.double().square() * (math.pi * length / wavelength).square()
         shape = (math.pi * length / (2 * wavelength)).square() * series(g, across2)
         geometry = (d.half_squared.double() / total).square()
-        masked = _masking(half_inverse * cot_i) * _masking(half_inverse * cot_o)
+        masked = smith_masking(half_inverse * cot_i) * smith_masking(half_inverse * cot_o)
         lobe = (geometry * masked * shape / (math.pi * cos_i * cos_o)).to(dtype)
         if self.coherent == "on":
             mirrored = masked * torch.exp(-g) * 2 / total
@@ -121,14 +121,22 @@ def lambert_w(x: Tensor) -> Tensor:
     return w
 
 
-def _height_ratio2(half_inverse: Tensor, cot_i: Tensor, cot_o: Tensor) -> Tensor:
-    """(z0/σ0)² with (z0/σ0) exp(½(z0/σ0)²) = (Ki + Kr)/√(8π), K = tan θ erfc(τ cot θ/(2σ0))."""
+def effective_roughness(half_inverse: Tensor, cot_i: Tensor, cot_o: Tensor) -> Tensor:
+    """σ/σ0 of the part of a surface that is both lit and seen: (1 + (z0/σ0)²)^(−½).
+
+    (z0/σ0) exp(½(z0/σ0)²) = (Ki + Kr)/√(8π), K = tan θ erfc(τ cot θ/(2σ0))
+
+    `half_inverse` τ/(2σ0), cotangents positive, any shape. Source: He et al. 1991, solved by Lambert's W.
+    """
     hidden = sum(torch.erfc((half_inverse * cot).clamp(max=_COT_LIMIT)) / cot for cot in (cot_i, cot_o))
-    return lambert_w(torch.as_tensor(hidden).square() / (8 * math.pi))
+    return (1 + lambert_w(torch.as_tensor(hidden).square() / (8 * math.pi))).rsqrt()
 
 
-def _masking(q: Tensor) -> Tensor:
-    """S1 = (1 − ½ erfc q)/(Λ + 1), Λ = ½ (e^(−q²)/(√π q) − erfc q), q = τ cot θ/(2σ0)."""
+def smith_masking(q: Tensor) -> Tensor:
+    """Smith's S1 = (1 − ½ erfc q)/(Λ + 1), Λ = ½ (e^(−q²)/(√π q) − erfc q), of one direction; q = τ cot θ/(2σ0) > 0.
+
+    Source: Smith 1967 in the form of He et al. 1991, with the e^(−q²) that their print leaves out.
+    """
     q = q.clamp(max=_COT_LIMIT)
     hidden = 0.5 * torch.exp(-q * q) * (1 / (math.sqrt(math.pi) * q) - torch.special.erfcx(q))
     return (1 - 0.5 * torch.erfc(q)) / (hidden + 1)

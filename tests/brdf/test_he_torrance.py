@@ -10,7 +10,7 @@ import torch
 from mpmath import mpf
 
 from matest.brdf import DirectionalDiffuse, HeTorrance
-from matest.brdf.he_torrance import lambert_w, series
+from matest.brdf.he_torrance import effective_roughness, lambert_w, series, smith_masking
 from tests import tolerances
 from tests.sampling import BACKWARD, FORWARD, LIGHT, degrees, directional_albedo
 
@@ -41,6 +41,36 @@ def test_lambert_w_inverts_its_definition() -> None:
     w = lambert_w(x)
     torch.testing.assert_close(w * torch.exp(w), x, rtol=1e-13, atol=0)
     assert lambert_w(torch.zeros(1, dtype=torch.float64)).item() == 0
+
+
+@pytest.mark.parametrize("half_inverse", [1.25, 2.5, 20.0])
+def test_masking_is_the_integral_over_the_slopes_that_hide_a_point(half_inverse: float) -> None:
+    """Smith 1967: Λ = ∫ (p − μ)/μ P(p) dp over p > μ = cot θ, P Gaussian of rms √2 σ/τ."""
+    slope = 1 / (mpmath.sqrt(2) * half_inverse)
+    for theta in (30, 60, 75, 85, 89):
+        mu = mpmath.cot(mpmath.radians(theta))
+        ends = [mu + i * slope for i in (0, 2, 6, 18)]
+        hidden = mpmath.quad(lambda p: (p - mu) / mu * mpmath.npdf(p, 0, slope), ends)  # noqa: B023
+        expected = mpmath.ncdf(mu / slope) / (1 + hidden)
+        found = smith_masking(torch.tensor(float(half_inverse * mu), dtype=torch.float64))
+        assert found.item() == pytest.approx(float(expected), rel=tolerances.INDEPENDENT)
+
+
+@pytest.mark.parametrize("half_inverse", [1.25, 3.0, 20.0])
+def test_effective_roughness_solves_its_printed_equation(half_inverse: float) -> None:
+    """He et al. 1991: √(π/2) z0 = (σ0/4)(Ki + Kr) exp(−z0²/(2σ0²)), σ = σ0/√(1 + (z0/σ0)²)."""
+    for angles in ((60, 60), (10, 80), (85, 80), (89, 89.9)):
+        cot = [mpmath.cot(mpmath.radians(angle)) for angle in angles]
+        hidden = sum(mpmath.erfc(half_inverse * c) / c for c in cot)
+        given = [torch.tensor(float(value), dtype=torch.float64) for value in (half_inverse, *cot)]
+        ratio2 = 1 / mpf(effective_roughness(*given).item()) ** 2 - 1
+        # (z0/σ0)² keeps half the digits of σ where it is small.
+        z = mpmath.findroot(
+            lambda z: mpmath.sqrt(mpmath.pi / 2) * z - hidden / 4 * mpmath.exp(-z * z / 2),  # noqa: B023
+            (mpf(0), mpf(6)),
+            solver="anderson",
+        )
+        assert float(ratio2) == pytest.approx(float(z * z), rel=tolerances.INDEPENDENT, abs=tolerances.INDEPENDENT)
 
 
 @pytest.mark.parametrize("height", [0.02, 0.05, 0.1, 0.3])
