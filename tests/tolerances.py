@@ -14,6 +14,8 @@ NINE_DIGITS = 5e-9
 # Albedos printed to three decimals: half a unit, and the error of the quadrature.
 THREE_DECIMALS = 6e-4
 TWO_DECIMALS = 5.5e-3
+# How far an approximation is from what it approximates, measured to three decimals, and the grid it is sought on.
+MEASURED_DEVIATION = 6e-4
 # Radiance printed to one decimal, of about 74 for Lambert: half a unit, and 4e-4 of Lambert from the quadrature.
 ONE_DECIMAL = 0.08
 # White lobe against an integral over facet slopes: f0 stops 1e-4 short of 1, and the quadrature crosses kinks of G.
