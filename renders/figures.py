@@ -9,12 +9,11 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from papers import cook_torrance, oren_nayar
+from papers import cook_torrance, li_torrance, oren_nayar
 from papers.drawing import Entry
 
 HERE = Path(__file__).parent / "figures"
-FIGURES: dict[str, Entry] = oren_nayar.FIGURES | cook_torrance.FIGURES
+FIGURES: dict[str, Entry] = oren_nayar.FIGURES | cook_torrance.FIGURES | li_torrance.FIGURES
 
 
 def main(names: list[str]) -> None:
@@ -27,7 +26,7 @@ def main(names: list[str]) -> None:
     page = ["# Figures of the papers", "", "Made by `python renders/figures.py`.", ""]
     for name, entry in chosen.items():
         drawn = entry.draw()
-        FigureCanvasAgg(drawn.figure).print_png(HERE / f"{name}.png")
+        drawn.save(HERE / f"{name}.png")
         page += [f"## {entry.title}", "", f"![{name}]({name}.png)", ""]
         page += [f"Published: {entry.published}", "", f"Here: {drawn.measured}", ""]
         print(f"{name}: {drawn.measured}", flush=True)

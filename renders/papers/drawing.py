@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from PIL import Image
 from torch import Tensor
 
 from matest.brdf import Brdf
@@ -18,10 +21,26 @@ VIEWS = torch.linspace(-85, 85, 171, dtype=torch.float64)  # degrees; negative =
 
 
 class Drawn(NamedTuple):
-    """A figure, and one or two sentences on what it shows in numbers."""
+    """A figure, and what it shows in numbers.
+
+    Attributes:
+        figure: the picture.
+        measured: one or two sentences, perhaps a table.
+        colours: store no more than this many, which makes a picture of thin coloured lines several times smaller.
+    """
 
     figure: Figure
     measured: str
+    colours: int | None = None
+
+    def save(self, path: Path) -> None:
+        """Write the picture as PNG."""
+        canvas = FigureCanvasAgg(self.figure)
+        if self.colours is None:
+            canvas.print_png(path)
+            return
+        canvas.draw()
+        Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB").quantize(self.colours).save(path)
 
 
 class Entry(NamedTuple):
