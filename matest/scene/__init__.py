@@ -3,8 +3,8 @@
 from matest.scene.camera import Camera
 from matest.scene.lights import DirectionalLight, Light, PointLight
 from matest.scene.mesh import Mesh
-from matest.scene.points import Points
+from matest.scene.points import Points, illuminate
 from matest.scene.scene import Scene
 from matest.scene.surface import Surface
 
-__all__ = ["Camera", "DirectionalLight", "Light", "Mesh", "PointLight", "Points", "Scene", "Surface"]
+__all__ = ["Camera", "DirectionalLight", "Light", "Mesh", "PointLight", "Points", "Scene", "Surface", "illuminate"]

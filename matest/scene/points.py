@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import torch
 from torch import Tensor
+
+from matest.directions import to_local
+from matest.scene.lights import Light
 
 
 @dataclass(frozen=True)
@@ -29,3 +34,44 @@ class Points:
         ambient = self.ambient if self.ambient is None or len(self.ambient) == 1 else self.ambient[index]
         wi, wo, irradiance = (part if len(part) == 1 else part[index] for part in parts)
         return Points(wi, wo, irradiance, ambient)
+
+
+def illuminate(
+    normals: Tensor,
+    view: Tensor,
+    lights: Sequence[Light],
+    *,
+    positions: Tensor | None = None,
+    ambient: Tensor | None = None,
+    blocked: Tensor | None = None,
+) -> Points:
+    """Points of a surface under lights, from tensors: differentiable in all of them and in the lights.
+
+    The dtype and device are those of `normals`; the other tensors, and those of the lights, must agree with it. Only
+    directions of unit length mean what they say: pass what an optimiser moves through
+    `torch.nn.functional.normalize` first.
+
+    Args:
+        normals: unit normals in world coordinates [N, 3].
+        view: unit vectors to the viewer [N, 3] or [1, 3].
+        lights: L distant or near lights.
+        positions: in world units [N, 3]; near lights need them.
+        ambient: radiance of an even sky times the unoccluded fraction of it [N or 1, C].
+        blocked: True where a light does not reach a point [L, N].
+
+    Raises:
+        InputError: a near light and no positions.
+    """
+    lit = [light.at(positions) for light in lights]
+    if blocked is not None:
+        lit = [(toward, power * ~dark[:, None]) for (toward, power), dark in zip(lit, blocked, strict=True)]
+    local = to_local(normals, view, *(toward for toward, _ in lit))
+    if not lit:
+        channels = 1 if ambient is None else ambient.shape[-1]
+        return Points(normals.new_zeros(1, 0, 3), local[0], normals.new_zeros(1, 0, channels), ambient)
+    return Points(
+        wi=torch.stack(local[1:], dim=-2),
+        wo=local[0],
+        irradiance=torch.stack(torch.broadcast_tensors(*(power for _, power in lit)), dim=-2),
+        ambient=ambient,
+    )

@@ -10,10 +10,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from matest.directions import to_local
 from matest.errors import InputError
 from matest.scene.lights import Light
-from matest.scene.points import Points
+from matest.scene.points import Points, illuminate
 from matest.scene.surface import Surface
 from matest.scene.visibility import cast_shadows, shadow_edges, unoccluded_fraction
 
@@ -92,24 +91,23 @@ class Scene:
         dtype: torch.dtype = torch.float32,
         device: torch.device | str = "cpu",
     ) -> Points:
-        """The points of one image at some of the surface's pixels (indices into its N pixels), differentiable."""
-        surface = self.surface
-        normals = surface.normals[index].to(device, dtype)
-        view = surface.view if len(surface.view) == 1 else surface.view[index]
-        positions = None if surface.positions is None else surface.positions[index].to(device, dtype)
-        lit = [light.to(dtype, device).at(positions) for light in self.lights[image]]
+        """The points of one image at some of the surface's pixels (indices into its N pixels).
+
+        Differentiable in lights, ambient radiance, normals and positions that require gradients; a perspective
+        camera's viewing directions follow the positions. Shadows stay as they were traced.
+        """
+        surface, ambient = self.surface, self.ambient[image]
+        sky = None
+        if ambient.requires_grad or bool((ambient > 0).any()):
+            sky = ambient.to(device, dtype)[None]
+            if self.unoccluded is not None:
+                sky = sky * torch.from_numpy(self.unoccluded)[index].to(device, dtype)[:, None]
         shadows = self.shadows[image] if self.shadows else None
-        if shadows is not None:
-            blocked = torch.from_numpy(shadows)[:, index].to(device)
-            lit = [(toward, power * ~dark[:, None]) for (toward, power), dark in zip(lit, blocked, strict=True)]
-        local = to_local(normals, view.to(device, dtype), *(toward for toward, _ in lit))
-        none = normals.new_zeros(1, 0, 3), normals.new_zeros(1, 0, self.channels)
-        ambient = self.ambient[image].to(device, dtype)[None]
-        if self.unoccluded is not None:
-            ambient = ambient * torch.from_numpy(self.unoccluded)[index].to(device, dtype)[:, None]
-        return Points(
-            wi=torch.stack(local[1:], dim=-2) if lit else none[0],
-            wo=local[0],
-            irradiance=torch.stack(torch.broadcast_tensors(*(power for _, power in lit)), dim=-2) if lit else none[1],
-            ambient=ambient if bool((self.ambient[image] > 0).any()) else None,
+        return illuminate(
+            surface.normals[index].to(device, dtype),
+            surface.toward_viewer(index).to(device, dtype),
+            [light.to(dtype, device) for light in self.lights[image]],
+            positions=None if surface.positions is None else surface.positions[index].to(device, dtype),
+            ambient=sky,
+            blocked=None if shadows is None else torch.from_numpy(shadows)[:, index].to(device),
         )

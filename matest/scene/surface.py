@@ -25,12 +25,14 @@ class Surface:
         shape: (H, W).
         pixels: flat row-major indices, ascending [N].
         normals: unit normals in world coordinates, facing the viewer [N, 3].
-        view: unit vectors to the viewer, [N, 3] or [1, 3] if it is the same everywhere.
+        view: unit vectors to the viewer, [N, 3] or [1, 3] if it is the same everywhere; follows from `eye` and
+            `positions` where both are known.
         positions: in world units [N, 3], or None where only normals are known.
         rim: True where the pixel touches a silhouette and may mix two surfaces [N].
         faces: triangle seen by each pixel [N] if the surface is a mesh.
         mesh: that mesh.
         coverage: share of the mask's pixels in which there is a surface.
+        eye: position of a perspective camera, [3]; None for a distant viewer.
     """
 
     shape: tuple[int, int]
@@ -42,6 +44,11 @@ class Surface:
     faces: np.ndarray | None = None
     mesh: Mesh | None = None
     coverage: float = 1.0
+    eye: Tensor | None = None
+
+    def __post_init__(self) -> None:
+        if self.eye is not None and self.positions is not None:
+            object.__setattr__(self, "view", _unit(self.eye.detach() - self.positions.detach()))
 
     def __len__(self) -> int:
         return len(self.pixels)
@@ -52,6 +59,14 @@ class Surface:
         mask = np.zeros(self.shape, dtype=bool)
         mask.flat[self.pixels] = True
         return mask
+
+    def toward_viewer(self, index: Tensor | slice = slice(None)) -> Tensor:
+        """`view` of some pixels, differentiable in eye and positions that require gradients."""
+        moving = any(value is not None and value.requires_grad for value in (self.eye, self.positions))
+        if moving and self.eye is not None and self.positions is not None:
+            # Anew at every call: an optimiser changes positions in place.
+            return _unit(self.eye - self.positions[index])
+        return self.view if len(self.view) == 1 else self.view[index]
 
     def image(self, values: np.ndarray, background: float = 0.0) -> np.ndarray:
         """Values [N, ...] of the object's pixels laid out as an image H×W×…"""
@@ -112,6 +127,7 @@ def from_mesh(mesh: Mesh, camera: Camera, shape: tuple[int, int], mask: np.ndarr
         faces=faces,
         mesh=mesh,
         coverage=1.0 if mask is None else float(hit.mean()),
+        eye=_eye(camera),
     )
     if not facing.any():
         raise InputError("all normals of the mesh point away from the camera: it is inside out; flip its faces.")
@@ -134,10 +150,6 @@ def from_normals(
     unit /= np.linalg.norm(unit, axis=1, keepdims=True)
     located = None if positions is None else positions.reshape(-1, 3)[pixels].astype(np.float64)
     view = -directions
-    if located is not None and not camera.orthographic:
-        view = np.asarray(camera.position) - located
-        view /= np.linalg.norm(view, axis=1, keepdims=True)
-    facing = np.einsum("ij,ij->i", unit, view) > 0
     surface = Surface(
         shape=shape,
         pixels=pixels,
@@ -145,8 +157,9 @@ def from_normals(
         view=torch.from_numpy(view[:1].copy() if camera.orthographic else view),
         positions=None if located is None else torch.from_numpy(located),
         rim=_rim(shape, pixels),
+        eye=_eye(camera),
     )
-    return surface.take(facing)
+    return surface.take(((surface.normals * surface.view).sum(-1) > 0).numpy())
 
 
 def from_sphere(shape: tuple[int, int], centre: tuple[float, float], radius: float, mask: np.ndarray | None) -> Surface:
@@ -206,6 +219,14 @@ def fit_circle(mask: np.ndarray) -> tuple[tuple[float, float], float]:
             f"{radius:.1f}; a sphere's mask, or centre and radius in [geometry], is needed."
         )
     return (float(centre[0]), float(centre[1])), radius
+
+
+def _eye(camera: Camera) -> Tensor | None:
+    return None if camera.orthographic else torch.tensor(camera.position, dtype=torch.float64)
+
+
+def _unit(vectors: Tensor) -> Tensor:
+    return vectors / vectors.norm(dim=-1, keepdim=True)
 
 
 def _rim(
