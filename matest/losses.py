@@ -20,13 +20,24 @@ def photometric(rendered: Tensor, measured: Tensor, weight: Tensor | None = None
     return squared.mean() if weight is None else (weight * squared).sum() / weight.expand_as(squared).sum()
 
 
-def likelihood(rendered: Tensor, batch: Batch) -> Tensor:
+def likelihood(rendered: Tensor, batch: Batch, *, degrees_of_freedom: float | None = None) -> Tensor:
     """Mean negative log-likelihood of a batch under its camera's noise (Gaussian, variance = read² + gain·signal).
 
-    The signal in the variance is the rendered one. Constants are left out.
+    The signal in the variance is the rendered one. Channels too dark for the sensor do not count; saturated pixels are
+    not in a batch. Constants are left out.
+
+    Args:
+        rendered: radiance [n, 1 or C].
+        batch: the measured values [n, C] and their noise.
+        degrees_of_freedom: ν of Student's t distribution of the same scale instead of the Gaussian, for samples with
+            outliers (dust, shadow edges); 4 is usual, large values approach the Gaussian.
     """
     variance = batch.variance(rendered)
-    return 0.5 * ((batch.radiance - rendered).square() / variance + torch.log(variance)).mean()
+    misfit = (batch.radiance - rendered).square() / variance
+    if degrees_of_freedom is not None:
+        misfit = (degrees_of_freedom + 1) * torch.log1p(misfit / degrees_of_freedom)
+    value = 0.5 * (misfit + torch.log(variance))
+    return value.mean() if batch.seen is None else (value * batch.seen).sum() / batch.seen.sum()
 
 
 def structural(rendered: Tensor, measured: Tensor, window: int = 11) -> Tensor:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -60,6 +61,43 @@ def test_likelihood_prefers_the_true_radiance():
     # Newton's step leads to the optimum, whose standard error is 1 / √(N · curvature).
     newton_step, information = float((slope / curvature).detach()), truth.numel() * float(curvature.detach())
     assert abs(newton_step) < 4 / math.sqrt(information)
+
+
+def test_students_likelihood_is_that_of_his_distribution():
+    rendered, measured = random(50, 3), random(50, 3, seed=1)
+    deviation = (READ + GAIN * rendered).sqrt()
+    student = torch.distributions.StudentT(torch.tensor(4.0, dtype=torch.float64), rendered, deviation)
+    constant = student.log_prob(rendered).mean() + deviation.log().mean()
+    expected = -student.log_prob(measured).mean() + constant
+    torch.testing.assert_close(likelihood(rendered, batch_of(measured), degrees_of_freedom=4), expected)
+
+
+def test_many_degrees_of_freedom_are_gaussian():
+    rendered, measured = random(50, 3), random(50, 3, seed=1)
+    batch = batch_of(measured)
+    torch.testing.assert_close(
+        likelihood(rendered, batch, degrees_of_freedom=1e9), likelihood(rendered, batch), rtol=1e-5, atol=0
+    )
+
+
+def test_students_likelihood_is_pulled_less_by_an_outlier_the_further_out_it_is():
+    pulls = []
+    for outlier in (0.6, 5.0):
+        rendered = torch.full((1, 1), 0.5, dtype=torch.float64, requires_grad=True)
+        batch = batch_of(torch.full((1, 1), outlier, dtype=torch.float64))
+        likelihood(rendered, batch, degrees_of_freedom=4).backward()
+        pulls.append(abs(rendered.grad.item()))
+    assert pulls[1] < 0.2 * pulls[0]
+
+
+@pytest.mark.parametrize("degrees_of_freedom", [None, 4.0])
+def test_channels_too_dark_for_the_sensor_do_not_count(degrees_of_freedom):
+    rendered, measured = random(20, 3), random(20, 3, seed=1)
+    seen = torch.ones_like(measured)
+    seen[:, 2] = 0
+    dark = replace(batch_of(measured), seen=seen)
+    expected = likelihood(rendered[:, :2], batch_of(measured[:, :2]), degrees_of_freedom=degrees_of_freedom)
+    torch.testing.assert_close(likelihood(rendered, dark, degrees_of_freedom=degrees_of_freedom), expected)
 
 
 def test_the_optimum_weighs_samples_by_their_inverse_variance():
