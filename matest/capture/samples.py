@@ -44,6 +44,7 @@ class Batch:
         seen: False where a channel of a pixel is too dark for the sensor [n, C]; None where all are seen.
         cluster: label of the block of pixels of one image, image · BLOCKS + block (None when mixed).
         runs: where several blocks follow each other in one batch, the label and length of each.
+        pixels: where on the surface each sample lies, an index into its N pixels [n]; None for samples of no surface.
     """
 
     points: Points
@@ -52,6 +53,7 @@ class Batch:
     seen: Tensor | None = None
     cluster: int | None = None
     runs: tuple[tuple[int, int], ...] = ()
+    pixels: Tensor | None = None
 
     def __len__(self) -> int:
         return len(self.radiance)
@@ -60,7 +62,8 @@ class Batch:
         """Some of the samples."""
         readout = Readout(*(value if len(value) == 1 else value[index] for value in self.readout))
         seen = None if self.seen is None else self.seen[index]
-        return Batch(self.points[index], self.radiance[index], readout, seen, self.cluster)
+        pixels = None if self.pixels is None else self.pixels[index]
+        return Batch(self.points[index], self.radiance[index], readout, seen, self.cluster, pixels=pixels)
 
     def variance(self, radiance: Tensor) -> Tensor:
         """Noise variance of a pixel of this true `radiance` [n, C]."""
@@ -187,6 +190,7 @@ class Samples:
             readout=self._readout(image, index),
             seen=self._seen(image, index),
             cluster=cluster,
+            pixels=chosen.to(self.device),
         )
 
     def _seen(self, image: int, index: np.ndarray) -> Tensor | None:
@@ -253,19 +257,20 @@ class Samples:
         rows, columns = np.divmod(surface.pixels, surface.shape[1])
         return (_cell(rows) * _BLOCKS_ACROSS + _cell(columns)).astype(np.uint8)
 
-    def batches(self, size: int, *, shuffle: bool = False, seed: int = 0) -> Iterator[Batch]:
+    def batches(self, size: int, *, shuffle: bool = False, seed: int = 0, skip: int = 0) -> Iterator[Batch]:
         """Mini-batches for a training loop of one's own; with `shuffle`, drawn over all images without replacement.
 
         Args:
             size: samples per batch; the last one may be smaller.
             shuffle: mix images and pixels.
             seed: of the permutation.
+            skip: number of batches at the beginning to leave out, for a loop that goes on where it stopped.
         """
         starts = np.cumsum([0, *self.counts])
         order = np.arange(starts[-1])
         if shuffle:
             order = np.random.default_rng(seed).permutation(order)
-        for first in range(0, len(order), size):
+        for first in range(skip * size, len(order), size):
             chosen = np.sort(order[first : first + size])
             edges = np.searchsorted(chosen, starts)
             parts = [
@@ -309,6 +314,7 @@ def _join(parts: list[Batch]) -> Batch:
         radiance=torch.cat([part.radiance for part in parts]),
         readout=Readout(*(torch.cat(column) for column in zip(*readouts, strict=True))),
         seen=seen,
+        pixels=torch.cat([part.pixels for part in parts if part.pixels is not None]),
     )
 
 

@@ -242,6 +242,29 @@ def test_a_slice_of_a_batch_is_that_part_of_it():
         assert torch.equal(part.variance(part.radiance), batch.variance(batch.radiance)[30:75])
 
 
+@pytest.mark.parametrize("shuffle", [False, True])
+def test_samples_know_their_pixel(shuffle):
+    scene = sphere_scene()
+    radiance = {image: render(scene, MATERIAL)[image].reshape(-1, 3)[scene.surface.pixels] for image in range(3)}
+    for image in range(3):
+        for batch in photograph(scene).samples([image]).batches(200, shuffle=shuffle):
+            torch.testing.assert_close(batch.radiance, radiance[image][batch.pixels])
+            assert torch.equal(batch[10:20].pixels, batch.pixels[10:20])
+    mixed = next(photograph(scene).samples().batches(5000, shuffle=shuffle))
+    assert len(mixed.pixels) == len(mixed)
+    torch.testing.assert_close(mixed.points.wo[:, 2], scene.surface.normals[mixed.pixels, 2].float())
+
+
+@pytest.mark.parametrize("shuffle", [False, True])
+def test_skipped_batches_are_those_at_the_beginning(shuffle):
+    samples = photograph(sphere_scene()).samples()
+    batches = list(samples.batches(333, shuffle=shuffle, seed=4))
+    for skip in (0, 1, len(batches) - 1, len(batches)):
+        rest = list(samples.batches(333, shuffle=shuffle, seed=4, skip=skip))
+        assert len(rest) == len(batches) - skip
+        assert all(torch.equal(a.radiance, b.radiance) for a, b in zip(rest, batches[skip:], strict=True))
+
+
 @pytest.mark.parametrize("images", [(0,), (2, 0, 1)])
 def test_clusters_are_blocks_of_the_pixels_of_one_image(images):
     capture = photograph(sphere_scene(size=48))
