@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from matest import brdf, losses
     from matest.capture import Capture, load_capture
     from matest.estimation import estimate, predict
+    from matest.estimators.gradient import fit_gradient
     from matest.result import Estimate, load_material
     from matest.scene import Scene
     from matest.shader import render, shade
@@ -28,6 +29,7 @@ _HOME = {
     "Scene": "matest.scene",
     "Trainable": "matest.trainable",
     "estimate": "matest.estimation",
+    "fit_gradient": "matest.estimators.gradient",
     "load_capture": "matest.capture",
     "load_material": "matest.result",
     "load_scene": "matest.simulate",
@@ -45,6 +47,7 @@ __all__ = [
     "Trainable",
     "brdf",
     "estimate",
+    "fit_gradient",
     "load_capture",
     "load_material",
     "load_scene",

@@ -6,13 +6,15 @@ import torch
 from torch import nn
 
 from matest.brdf import Brdf
+from matest.capture import Batch
 from matest.errors import InputError, nearest
 
 
 class Trainable(nn.Module):
     """A model whose parameters any optimiser may move freely: they are unconstrained inside.
 
-    Calling it returns the model at the current values, inside its domain whatever the optimiser did.
+    Calling it returns the model at the current values, inside its domain whatever the optimiser did. It takes a batch
+    of samples as every material of `fit_gradient` does, and does not look at it: the material is the same everywhere.
 
     Args:
         brdf: the model at its starting values; a value at an end of its domain starts 1e-6 inside.
@@ -37,7 +39,12 @@ class Trainable(nn.Module):
             for name in self._free
         )
 
-    def forward(self) -> Brdf:
+    def extra_repr(self) -> str:
+        """The model's expression, and what does not train."""
+        fixed = [f"{name}={value.tolist()}" for name, value in self._brdf.parameters.items() if name not in self._free]
+        return ", ".join([self._brdf.expression, *fixed])
+
+    def forward(self, batch: Batch | None = None) -> Brdf:  # noqa: ARG002
         declared = self._brdf.declared
         return self._brdf.replace(
             {name: declared[name].domain.physical(raw) for name, raw in zip(self._free, self.values, strict=True)}

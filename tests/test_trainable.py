@@ -95,6 +95,12 @@ def test_light_scale_does_not_train() -> None:
     assert not Trainable(OrenNayar(0.5, 0.3))().parameters["interreflection"].requires_grad
 
 
+def test_it_says_which_model_it_is_and_what_is_fixed() -> None:
+    assert "cook-torrance(distribution=ggx), f0=0.04\n" in repr(
+        Trainable(CookTorrance(distribution="ggx"), fixed=("f0",))
+    )
+
+
 def test_state_can_be_saved_and_restored() -> None:
     material, other = Trainable(OrenNayar(0.7, 0.6)), Trainable(OrenNayar(0.1, 0.1))
     other.load_state_dict(material.state_dict())
