@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -58,9 +59,16 @@ def test_the_readme_example_runs(monkeypatch: pytest.MonkeyPatch, capsys: pytest
     blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL)
     assert blocks
     monkeypatch.chdir(ROOT)
+    left: dict[str, Any] = {}
     for block in blocks:
-        exec(compile(block, "README.md", "exec"), {})
+        names: dict[str, Any] = {}
+        exec(compile(block, "README.md", "exec"), names)
+        left |= names
     assert "0.69" in capsys.readouterr().out
+    assert left["fit"].losses[-1] < left["fit"].losses[0] / 10
+    truth = torch.tensor([0.25, 0.3, 0.92])
+    refined = torch.nn.functional.normalize(left["guess"].detach(), dim=0)
+    torch.testing.assert_close(refined, truth / truth.norm(), rtol=0, atol=2e-3)
 
 
 def test_a_rendered_image_is_differentiable_in_the_material() -> None:
