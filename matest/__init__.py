@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from matest.capture import Capture, load_capture
     from matest.estimation import estimate, predict
     from matest.estimators.gradient import fit_gradient
+    from matest.identifiability import check, load_plan
     from matest.result import Estimate, load_material
     from matest.scene import Scene
     from matest.shader import render, shade
@@ -28,10 +29,12 @@ _HOME = {
     "Estimate": "matest.result",
     "Scene": "matest.scene",
     "Trainable": "matest.trainable",
+    "check": "matest.identifiability",
     "estimate": "matest.estimation",
     "fit_gradient": "matest.estimators.gradient",
     "load_capture": "matest.capture",
     "load_material": "matest.result",
+    "load_plan": "matest.identifiability",
     "load_scene": "matest.simulate",
     "predict": "matest.estimation",
     "render": "matest.shader",
@@ -46,10 +49,12 @@ __all__ = [
     "Scene",
     "Trainable",
     "brdf",
+    "check",
     "estimate",
     "fit_gradient",
     "load_capture",
     "load_material",
+    "load_plan",
     "load_scene",
     "losses",
     "predict",

@@ -2,16 +2,29 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
+import typer
+
 from matest.errors import InputError
 
+# Options that several commands take.
+Json = Annotated[bool, typer.Option("--json", help="Print machine-readable JSON on standard output.")]
+Transfer = Annotated[
+    str | None, typer.Option(help="How pixels encode light: linear, srgb or a gamma; overrides the capture's.")
+]
+Fix = Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE", help="Hold a parameter at a value.")]
+Free = Annotated[list[str] | None, typer.Option(metavar="NAME", help="Estimate a parameter held by default.")]
+Tie = Annotated[list[str] | None, typer.Option(metavar="NAME=OTHER", help="Give a parameter another's value.")]
 
-def assignment(text: str) -> tuple[str, float | list[float]]:
+
+def assignment(text: str, option: str = "--fix") -> tuple[str, float | list[float]]:
     """`f0=0.04`, `albedo=0.7,0.6,0.5`."""
     # Imported here: the catalogue of models needs torch, and --help must not.
     from matest.brdf.expression import number
 
     name, value = pair(text)
-    numbers = [number(part, f"--fix {name}") for part in value.split(",")]
+    numbers = [number(part, f"{option} {name}") for part in value.split(",")]
     return name, numbers[0] if len(numbers) == 1 else numbers
 
 
@@ -27,6 +40,14 @@ def indices(text: str) -> list[int]:
         return [int(part) for part in text.split(",") if part.strip()]
     except ValueError:
         raise InputError(f"--holdout takes image numbers separated by commas, as 0,3; got '{text}'.") from None
+
+
+def noise(text: str) -> tuple[float, float]:
+    try:
+        read, gain = (float(part) for part in text.split(","))
+    except ValueError:
+        raise InputError(f"--noise takes READ,GAIN (fractions of full scale), as 0.002,0.0005; got '{text}'.") from None
+    return read, gain
 
 
 def line(text: str) -> tuple[float, float, float, float]:

@@ -12,6 +12,7 @@ import typer
 
 import matest
 from matest import arguments
+from matest.check_command import check
 from matest.console import Say, console, note, print_json, progress
 from matest.errors import InputError
 
@@ -28,11 +29,11 @@ app = typer.Typer(
     help="What a surface is made of, with error bars, from photographs of an object whose shape and lights are known.",
 )
 
-Json = Annotated[bool, typer.Option("--json", help="Print machine-readable JSON on standard output.")]
+Json = arguments.Json
+Transfer = arguments.Transfer
 Out = Annotated[Path | None, typer.Option("-o", "--out", help="Where to write.", show_default=False)]
-Transfer = Annotated[
-    str | None, typer.Option(help="How pixels encode light: linear, srgb or a gamma; overrides the capture's.")
-]
+
+app.command(epilog="Example: matest check renders/vase --model oren-nayar --at sigma=0.5")(check)
 
 
 def main() -> None:
@@ -54,13 +55,9 @@ def estimate(
     model: Annotated[
         str, typer.Option(help="A model or sum, as 'oren-nayar+torrance-sparrow'; see 'matest models'.")
     ] = "auto",
-    fix: Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE", help="Hold a parameter at a value.")] = None,
-    free: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Estimate a parameter held by default.")
-    ] = None,
-    tie: Annotated[
-        list[str] | None, typer.Option(metavar="NAME=OTHER", help="Give a parameter another's value.")
-    ] = None,
+    fix: arguments.Fix = None,
+    free: arguments.Free = None,
+    tie: arguments.Tie = None,
     holdout: Annotated[str, typer.Option(metavar="INDEX,...", help="Images to leave out of the fit.")] = "",
     transfer: Transfer = None,
     seed: Annotated[int, typer.Option(help="Of the subsample that the search starts from.")] = 0,

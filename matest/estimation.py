@@ -162,14 +162,26 @@ def relative_error(capture: Capture, material: Brdf, images: Iterable[int]) -> f
 
 
 def _worth_freeing(specification: Specification, solution: Solution, samples: Samples) -> list[str]:
-    """Parameters held by default that the images determine: judged by the error bar they would get."""
+    """Parameters held by default that the images determine."""
     names = specification.default_held
     if not names:
         return []
     wider = freed(specification, names).problem
     unknowns = _widened(wider, solution)
     statistics = accumulate(wider, unknowns, AllTiles(samples), unknowns)
-    covariance = fisher(statistics.information / statistics.misfit, torch.ones(wider.size, dtype=torch.bool))
+    return worth_freeing(wider, names, unknowns, statistics.information / statistics.misfit)
+
+
+def worth_freeing(wider: Problem, names: Sequence[str], unknowns: Tensor, information: Tensor) -> list[str]:
+    """Those of `names` that get a small error bar when all of them are estimated.
+
+    Args:
+        wider: the problem in which all of them are free.
+        names: parameters held by default.
+        unknowns: of `wider` [P].
+        information: JᵀWJ there [P, P].
+    """
+    covariance = fisher(information, torch.ones(wider.size, dtype=torch.bool))
     chosen = []
     for name in names:
         place = wider.where[name]

@@ -68,9 +68,9 @@ def load_scene(path: str | Path) -> SceneDescription:
     if not tables.image:
         raise InputError(f"{file}: expected at least one [[image]] with lights; got none.")
     folder = Folder(file, file.parent.absolute())
-    material = _material(tables.material, str(file))
-    channels = _channels(tables, material, str(file))
-    shape = _shape(tables, folder, str(file))
+    material = material_of(tables.material, str(file))
+    channels = channels_of(tables, material, str(file))
+    shape = shape_of(tables, folder, str(file))
     factor = tables.camera.supersampling if tables.camera else 1
     if not 1 <= factor <= 16 or (factor > 1 and tables.geometry.normals):
         raise InputError(f"{file}: camera.supersampling must be 1 to 16, and 1 with a normal map; got {factor}.")
@@ -115,7 +115,7 @@ def simulate(
     tables, file = description.tables, description.file
     folder = Path(out) if out is not None else file.parent
     target = folder / "capture.toml"
-    bits = _bits(tables, str(file))
+    bits = bits_of(tables, str(file))
     suffix = ".png" if bits else ".exr"
     names = [table.file or f"{number:02d}{suffix}" for number, table in enumerate(tables.image)]
     _check_outputs(description, folder, names)
@@ -125,7 +125,7 @@ def simulate(
     folder.mkdir(parents=True, exist_ok=True)
     for number, table in enumerate(tables.image):
         pixels = _expose(radiance(description, number), table.exposure, encoding, noise, generator)
-        _replace(folder / names[number], _stored(pixels, encoding, bits))
+        _replace(folder / names[number], stored_pixels(pixels, encoding, bits))
         progress(number + 1, len(tables.image))
     _write_geometry(description, folder)
     text = _HEADER.format(scene=file.name) + _toml(_capture_table(description, encoding, names))
@@ -135,8 +135,12 @@ def simulate(
     return folder
 
 
-def _material(table: dict[str, Any], label: str) -> Brdf:
-    """The model of a [material] table: a preset, or parameters by name, by path, or in a table per component."""
+def material_of(table: dict[str, Any], label: str) -> Brdf:
+    """The model of a [material] table: a preset, or parameters by name, by path, or in a table per component.
+
+    Raises:
+        InputError: an unknown model, preset or parameter, or a value outside its domain.
+    """
     values = dict(table)
     expression, name = values.pop("model", None), values.pop("preset", None)
     if expression is not None and name is not None:
@@ -162,7 +166,12 @@ def _material(table: dict[str, Any], label: str) -> Brdf:
         raise InputError(f"{label}: [material]: {error}") from None
 
 
-def _channels(tables: schema.SceneFile, material: Brdf, label: str) -> int:
+def channels_of(tables: schema.CaptureFile, material: Brdf, label: str) -> int:
+    """Channels of the images: as many as the longest colour of lights and material.
+
+    Raises:
+        InputError: colours of neither one nor three values.
+    """
     colours: list[Any] = [image.ambient for image in tables.image]
     colours += [
         c for i in tables.image for light in i.lights for c in (light.irradiance, light.intensity, light.radiance)
@@ -178,7 +187,12 @@ def _channels(tables: schema.SceneFile, material: Brdf, label: str) -> int:
     return 3 if lengths else 1
 
 
-def _shape(tables: schema.SceneFile, folder: Folder, label: str) -> tuple[int, int]:
+def shape_of(tables: schema.CaptureFile, folder: Folder, label: str) -> tuple[int, int]:
+    """Height and width of the images: the camera's resolution, or the size of the normal map or mask.
+
+    Raises:
+        InputError: nothing says it, or not in pixels.
+    """
     if tables.camera is not None and tables.camera.resolution is not None:
         width, height = tables.camera.resolution
         if not (0 < width <= 16384 and 0 < height <= 16384):
@@ -206,7 +220,7 @@ def _enlarged(tables: schema.SceneFile, factor: int) -> schema.SceneFile:
     return fine
 
 
-def _bits(tables: schema.SceneFile, label: str) -> int | None:
+def bits_of(tables: schema.CaptureFile, label: str) -> int | None:
     """Bits of the images: as the scene says, or as the names of its files imply; None for floats.
 
     Raises:
@@ -283,7 +297,8 @@ def _expose(
     return signal + encoding.black + spread * generator.standard_normal(signal.shape)
 
 
-def _stored(pixels: np.ndarray, encoding: Encoding, bits: int | None) -> np.ndarray:
+def stored_pixels(pixels: np.ndarray, encoding: Encoding, bits: int | None) -> np.ndarray:
+    """Linear fractions of full scale, black included, as an image file holds them: integers, or float32 (None)."""
     if bits is None:
         return (pixels if encoding.transfer == "linear" else encoding.encoded(pixels)).astype(np.float32)
     full = 2**bits - 1

@@ -1,0 +1,333 @@
+"""The facade: what photographs will tell of a model."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from matest.capture import Capture, Samples
+from matest.errors import InputError
+from matest.identifiability.forecast import Forecast, as_estimated, forecast, unknowns_at, usable
+from matest.identifiability.next_light import NextLight, next_light
+from matest.identifiability.plan import Plan, exposed
+from matest.identifiability.reasons import Nearness, Reasons
+from matest.parameters import Domain
+from matest.result import Number, ParameterEstimate
+from matest.shader import gathered_light, lit_directions
+from matest.specification import Constraints, Specification, Value, resolve, specify
+
+SCHEMA = "matest.check/1"
+# What is checked of a capture when no model is named: the largest that `auto` tries.
+DEFAULT_MODEL = "oren-nayar+cook-torrance"
+# Shape parameters that nobody gave are also tried at these multiples of their default.
+_LEVELS = (0.5, 2.0)
+# A relative standard error above this is worth a word even where the parameter counts as determined.
+_WEAK = 1.0
+
+Progress = Callable[[str, int | None, int | None], None]
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What the photographs will tell of one parameter. A list has one number per channel.
+
+    Attributes:
+        value: the value it is predicted for.
+        std: predicted standard error; None where not determined, or not estimated.
+        relative: largest std over value (over the domain's width where that is 0).
+        range: smallest and largest `relative` over all levels of the shape parameters that were not given, None where
+            one of them leaves it undetermined; None altogether where there was only one level.
+        unit: "1", "rad", "µm".
+        status: determined | weak (std above the value) | not determined | held (by default) | fixed | tied.
+        reason: why it is weak, not determined, held, or known up to a scale only; empty otherwise.
+    """
+
+    value: Number
+    std: Number
+    relative: float | None
+    range: tuple[float, float | None] | None
+    unit: str
+    status: str
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class LightAdvice:
+    """One more photograph that would lower the largest relative error bar most.
+
+    Attributes:
+        direction: unit vector to the light, world frame.
+        from_camera: angle between it and the direction to the camera, radians.
+        azimuth: angle about the direction to the camera, radians, from the image's right toward its top.
+        irradiance: on a surface facing the light, [C].
+        std: predicted standard errors with it, by parameter; None where still not determined.
+        worst: largest relative standard error of a determined parameter before and after.
+        gain: by how much the standard error of each parameter shrinks (2: half as large); None where it was or stays
+            undetermined.
+        resolves: parameters that become determined.
+    """
+
+    direction: tuple[float, float, float]
+    from_camera: float
+    azimuth: float
+    irradiance: list[float]
+    std: dict[str, Number]
+    worst: tuple[float, float]
+    gain: dict[str, float | None]
+    resolves: list[str]
+
+
+@dataclass(frozen=True)
+class Check:
+    """What some photographs will tell of a model.
+
+    Attributes:
+        capture: name of the capture.
+        model: expression of the model.
+        parameters: by name (in a sum: by path).
+        light: the advice; None if no further light lowers any error bar.
+        images: number of photographs.
+        samples: usable pixels of all images together.
+        skipped: pixels left out, by reason.
+        noise: read, gain (fractions of full scale) and where they come from.
+        highlight: smallest angle between half vector and normal of a usable sample, radians; None without samples.
+        levels: for which values of the shape parameters `range` holds, by parameter.
+        warnings: sentences.
+    """
+
+    capture: str
+    model: str
+    parameters: dict[str, Prediction]
+    light: LightAdvice | None
+    images: int
+    samples: int
+    skipped: dict[str, int]
+    noise: dict[str, Any]
+    highlight: float | None
+    levels: dict[str, list[float]]
+    warnings: list[str]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The content of `matest check --json`."""
+        return {"schema": SCHEMA, **asdict(self)}
+
+
+def check(
+    plan: Plan | Capture,
+    model: str | None = None,
+    *,
+    constraints: Constraints | None = None,
+    at: Mapping[str, Value] | None = None,
+    noise: tuple[float, float] | None = None,
+    progress: Progress = lambda *_: None,
+) -> Check:
+    """Standard errors that `estimate` will report, predicted from geometry, lights, noise and values of the material.
+
+    The Fisher information of noise-free photographs predicted for the values; their pixels are selected as those of
+    real ones are: lit, off the rim, not clipped. Values not given are those of the scene's material or the model's
+    defaults; shape parameters among the defaults are also halved and doubled together, for the `range`.
+
+    Args:
+        plan: of `load_plan`, or a capture; the pixels of its photographs serve for nothing but their noise.
+        model: an expression; default: the scene's material, else "oren-nayar+cook-torrance".
+        constraints: parameters fixed, freed and tied, as for `estimate`.
+        at: values that are assumed, by name or path; these are estimated all the same.
+        noise: read and gain instead of the plan's: variance = read² + gain·signal, in fractions of full scale.
+        progress: called with a word, and how much of it is done.
+
+    Raises:
+        InputError: unknown names, values outside their domains, impossible constraints, a model that cannot be
+            estimated under lights of unknown strength.
+    """
+    plan = Plan.of(plan) if isinstance(plan, Capture) else plan
+    plan = plan if noise is None else plan.with_noise(*noise)
+    capture, told = plan.capture, constraints or Constraints()
+    own = plan.material if plan.material is not None and model in (None, plan.material.expression) else None
+    expression = own.expression if own is not None else model or DEFAULT_MODEL
+    specification = specify(expression, told, channels=capture.channels, relative=capture.relative)
+    fixed = {resolve(specification.problem.brdf, name) for name in told.fix}
+    scene = {} if own is None else {name: value for name, value in own.parameters.items() if name not in fixed}
+    given = scene | _assumed(specification, at or {})
+    specification, values = _nominal(specification, given)
+
+    progress("predicting photographs", None, None)
+    capture = capture if plan.exposed else exposed(capture, specification.problem.brdf.replace(values))
+    problem = specification.problem
+    samples = usable(capture, problem, unknowns_at(problem, values))
+    found, wider = as_estimated(samples, specification, values)
+    nearness = _nearness(samples)
+    levels = _levels(specification, values, given)
+    spread = [found]
+    for changed in levels:
+        progress("trying other roughnesses", None, None)
+        there = unknowns_at(found.problem, changed)
+        spread.append(forecast(usable(capture, found.problem, there), found.problem, there))
+    advised = next_light(capture, found, progress)
+    relative = capture.relative
+    return Check(
+        capture=capture.name,
+        model=problem.brdf.replace(values).expression,
+        parameters=_predictions(spread, Reasons(found, nearness, relative), Reasons(wider, nearness, relative)),
+        light=None if advised is None else _advice(found, advised),
+        images=len(capture),
+        samples=len(samples),
+        skipped=samples.skipped,
+        noise={"read": capture.noise.read, "gain": capture.noise.gain, "source": plan.noise},
+        highlight=nearness.usable if math.isfinite(nearness.usable) else None,
+        levels=_tried(found, levels, values),
+        warnings=_warnings(plan, samples, own is not None),
+    )
+
+
+def _assumed(specification: Specification, at: Mapping[str, Value]) -> dict[str, Tensor]:
+    """Values given for the prediction, by path."""
+    problem, out = specification.problem, {}
+    for name, value in at.items():
+        path = resolve(problem.brdf, name)
+        if path in problem.ties or (path in problem.held and path not in specification.default_held):
+            raise InputError(f"{path} is fixed or tied and not estimated; leave out its assumed value.")
+        tensor = torch.as_tensor(value, dtype=torch.float64)
+        if tensor.ndim > 1 or (tensor.ndim == 1 and len(tensor) != problem.count(path)):
+            raise InputError(f"{path} takes {problem.count(path)} value(s); got {value}.")
+        problem.brdf.replace({path: tensor.tolist()})  # checks the domain
+        out[path] = tensor
+    return out
+
+
+def _nominal(specification: Specification, given: Mapping[str, Tensor]) -> tuple[Specification, dict[str, Tensor]]:
+    """The values of every parameter that the prediction is made for; a parameter held by default is held at its own."""
+    problem = specification.problem
+    held = {name: given.get(name, value) if name in specification.default_held else value
+            for name, value in problem.held.items()}  # fmt: skip
+    values = {name: torch.as_tensor(value).double() for name, value in problem.brdf.parameters.items()}
+    values |= {**given, **held}
+    values |= {name: values[source] for name, source in problem.ties.items()}
+    return replace(specification, problem=replace(problem, held=held)), values
+
+
+def _levels(
+    specification: Specification, values: Mapping[str, Tensor], given: Mapping[str, Tensor]
+) -> list[dict[str, Tensor]]:
+    """The values with all shape parameters that nobody gave scaled together, inside their domains."""
+    problem = specification.problem
+    open_shapes = [name for name in problem.shapes if name not in given and not problem.declared(name).gauge]
+    out = []
+    for level in _LEVELS if open_shapes else ():
+        changed = {name: _inside(problem.declared(name).domain, level * values[name]) for name in open_shapes}
+        scaled = {**values, **changed}
+        out.append(scaled | {name: scaled[source] for name, source in problem.ties.items()})
+    return out
+
+
+def _inside(domain: Domain, value: Tensor) -> Tensor:
+    return value.clamp(min=domain.lower, max=domain.upper)
+
+
+def _tried(found: Forecast, levels: Sequence[Mapping[str, Tensor]], values: Mapping[str, Tensor]) -> dict[str, list]:
+    """The values that the shape parameters took over the levels, ascending."""
+    return {
+        name: sorted({float(level[name]) for level in (values, *levels)})
+        for name in found.problem.shapes
+        if any(bool(level[name] != values[name]) for level in levels)
+    }
+
+
+def _nearness(samples: Samples) -> Nearness:
+    """How near the samples come to the centre of a highlight."""
+    scene, rim = samples.capture.scene, samples.capture.scene.surface.rim
+    smallest = [math.inf, math.inf]
+    for position, image in enumerate(samples.images):
+        index = samples.indices(position)
+        points = scene.points(image, dtype=torch.float64)
+        if not points.wi.shape[-2]:
+            continue
+        reached = gathered_light(points).amax(-1) > 0
+        angles = torch.where(reached, lit_directions(points).theta_half[..., 0], math.inf).amin(-1).numpy()
+        # Several lights broadcast; one number per pixel all the same.
+        angles = np.broadcast_to(angles, len(rim))
+        smallest[0] = min(smallest[0], float(angles[index].min(initial=math.inf)))
+        smallest[1] = min(smallest[1], float(angles.min(initial=math.inf)))
+    return Nearness(*smallest)
+
+
+def _predictions(spread: Sequence[Forecast], why: Reasons, why_held: Reasons) -> dict[str, Prediction]:
+    """Every parameter of the model.
+
+    Args:
+        spread: the forecast, and those at the other levels.
+        why: reasons by the parameters that are estimated.
+        why_held: reasons by all, those held by default included.
+    """
+    out = {}
+    found, problem = spread[0], spread[0].problem
+    values = problem.values(found.unknowns)
+    for name, estimate in found.estimates().items():
+        source = problem.ties.get(name, name)
+        status, std, relative, among, reason = estimate.status, estimate.std, None, None, ""
+        if source in problem.where:
+            place = problem.where[source]
+            relative = float(found.relative_std[place].max())
+            if len(spread) > 1:
+                among = _among([float(level.relative_std[place].max()) for level in spread])
+            lost = status == "not determined"
+            status = "weak" if status == "determined" and relative > _WEAK else status
+            reason = why.of(source) if status in ("weak", "not determined") else why.locked(source) or ""
+            relative = None if lost else relative
+        elif source in why_held.problem.where:
+            status, reason = "held", why_held.of(source)
+        value = values[name].tolist()
+        out[name] = Prediction(value, std, relative, among, estimate.unit, status, reason)
+    return out
+
+
+def _among(relative: Sequence[float]) -> tuple[float, float | None]:
+    largest = max(relative)
+    return min(relative), largest if math.isfinite(largest) else None
+
+
+def _advice(before: Forecast, light: NextLight) -> LightAdvice:
+    then, now = before.estimates(), light.after.estimates()
+    free = before.problem.free
+    gain = {}
+    for name in free:
+        place = before.problem.where[name]
+        ratio = float((before.std[place] / light.after.std[place]).max())
+        gain[name] = ratio if math.isfinite(ratio) and not _lost(then[name]) and not _lost(now[name]) else None
+    return LightAdvice(
+        direction=light.direction,
+        from_camera=light.from_camera,
+        azimuth=light.azimuth,
+        irradiance=light.irradiance,
+        std={name: now[name].std for name in free},
+        worst=(before.worst[1], light.after.worst[1]),
+        gain=gain,
+        resolves=[name for name in free if _lost(then[name]) and not _lost(now[name])],
+    )
+
+
+def _lost(estimate: ParameterEstimate) -> bool:
+    return estimate.status == "not determined"
+
+
+def _warnings(plan: Plan, samples: Samples, own: bool) -> list[str]:
+    out = []
+    capture = plan.capture
+    if capture.relative:
+        out.append("The strength of the lights is unknown (relative radiometry): albedos are known up to one scale.")
+    if plan.material is not None and not own:
+        out.append(f"The scene's material ({plan.material.expression}) is another model: its values are not used.")
+    dark = [str(image) for image, count in zip(samples.images, samples.counts, strict=True) if not count]
+    if dark:
+        out.append(f"Image {', '.join(dark)} gives no usable pixel: its light is behind the object, or it is clipped.")
+    clipped = samples.skipped["saturated"]
+    if clipped:
+        out.append(f"{clipped:,} pixels are predicted to be saturated and left out.")
+    if capture.scene.surface.mesh is None:
+        out.append("No mesh: cast shadows are unknown and left out of account.")
+    return out

@@ -1,0 +1,148 @@
+"""The error bars that photographs of a nominal material will give, without taking them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from matest.capture import Capture, Samples
+from matest.capture.samples import TILE
+from matest.error_bars import ErrorBars, parameter_estimates
+from matest.estimation import worth_freeing
+from matest.estimators import Problem, Solution, Statistics, accumulate
+from matest.estimators.linearise import Sums
+from matest.identifiability.plan import photographed
+from matest.result import ParameterEstimate
+from matest.specification import Specification, freed
+from matest.uncertainty import fisher
+
+# More samples than this are thinned evenly: information is an integral over the images, and needs no more.
+_ENOUGH = 400_000
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What photographs will tell of a problem at given values.
+
+    Attributes:
+        problem: what is estimated.
+        unknowns: the values u [P] it is predicted for.
+        information: JᵀWJ [P, P].
+        values: expected number of pixel values.
+    """
+
+    problem: Problem
+    unknowns: Tensor
+    information: Tensor
+    values: int
+
+    def __add__(self, more: Forecast) -> Forecast:
+        """Both sets of photographs together."""
+        return replace(self, information=self.information + more.information, values=self.values + more.values)
+
+    @property
+    def std(self) -> Tensor:
+        """Standard errors [P]; infinite where not determined."""
+        everything = torch.ones(self.problem.size, dtype=torch.bool)
+        covariance = fisher(self.information, everything)
+        return torch.where(covariance.undetermined, math.inf, covariance.std)
+
+    @property
+    def references(self) -> Tensor:
+        """What standard errors are compared with [P]: the values; where one is zero, the width of its domain."""
+        sizes = self.unknowns.abs().clone()
+        for name, place in self.problem.where.items():
+            width = self.problem.declared(name).domain.width
+            sizes[place] = torch.where(sizes[place] > 0, sizes[place], width if math.isfinite(width) else 1.0)
+        return sizes
+
+    @property
+    def relative_std(self) -> Tensor:
+        return self.std / self.references
+
+    @property
+    def worst(self) -> tuple[int, float]:
+        """Number of unknowns that are not determined, and the largest relative standard error of the others.
+
+        The stand-in for the unknown light scale is a nuisance and does not count.
+        """
+        counted = torch.ones(self.problem.size, dtype=torch.bool)
+        for name in self.problem.gauges:
+            counted[self.problem.where[name]] = False
+        relative = self.relative_std[counted]
+        lost = ~torch.isfinite(relative)
+        return int(lost.sum()), float(relative[~lost].max()) if bool((~lost).any()) else 0.0
+
+    def estimates(self) -> dict[str, ParameterEstimate]:
+        """Every parameter as `estimate` would report it if it found exactly these values."""
+        problem = self.problem
+        everything = torch.ones(problem.size, dtype=torch.bool)
+        covariance = fisher(self.information, everything)
+        sums = Sums(self.information, torch.zeros(problem.size).double(), 0.0, self.values, 0.0, 1.0, self.values)
+        solution = Solution(problem, self.unknowns, Statistics({0: sums}), 1, 0.0, True)
+        bars = ErrorBars(covariance, covariance, ~everything, 1.0, 1.0, True, "fisher")
+        return parameter_estimates(solution, bars)
+
+
+def unknowns_at(problem: Problem, values: Mapping[str, Tensor]) -> Tensor:
+    """u [P] from a value (a scalar, or [C]) of every free parameter."""
+    return torch.cat([torch.atleast_1d(values[name]).double().expand(problem.count(name)) for name in problem.free])
+
+
+def usable(capture: Capture, problem: Problem, unknowns: Tensor) -> Samples:
+    """The samples that photographs of the material at `unknowns` will give."""
+    return photographed(capture, problem.material(unknowns)).samples(dtype=torch.float64)
+
+
+def forecast(samples: Samples, problem: Problem, unknowns: Tensor) -> Forecast:
+    """The information of predicted photographs.
+
+    Args:
+        samples: of `usable`.
+        problem: what will be estimated; it may have more free parameters than the samples were predicted with.
+        unknowns: u [P] of the problem.
+    """
+    share = max(len(samples) / _ENOUGH, 1.0)
+    tiles, weights = [], {}
+    for position, image in enumerate(samples.images):
+        index = samples.indices(position)
+        kept = index[np.arange(0, len(index), share).astype(int)]
+        if not len(kept):
+            continue
+        weights[position] = len(index) / len(kept)
+        tiles.append(
+            [partial(samples.at, image, kept[start : start + TILE], position) for start in range(0, len(kept), TILE)]
+        )
+    statistics = accumulate(problem, unknowns, tiles, unknowns)
+    information = torch.zeros(problem.size, problem.size, dtype=torch.float64)
+    for position, sums in statistics.clusters.items():
+        information = information + weights[position] * sums.information
+    return Forecast(problem, unknowns, information, len(samples) * samples.capture.channels)
+
+
+def as_estimated(
+    samples: Samples, specification: Specification, values: Mapping[str, Tensor]
+) -> tuple[Forecast, Forecast]:
+    """The forecast of what `estimate` will free, and the one with everything free that is held by default.
+
+    A parameter held by default is freed where these images determine it.
+    """
+    problem = specification.problem
+    alone = forecast(samples, problem, unknowns_at(problem, values))
+    if not specification.default_held:
+        return alone, alone
+    wider = freed(specification, specification.default_held).problem
+    everything = forecast(samples, wider, unknowns_at(wider, values))
+    chosen = worth_freeing(wider, specification.default_held, everything.unknowns, everything.information)
+    freer = freed(specification, chosen).problem
+    if freer.free == problem.free:
+        return alone, everything
+    found = forecast(samples, freer, unknowns_at(freer, values))
+    lost = any(estimate.status == "not determined" for estimate in found.estimates().values())
+    return alone if lost else found, everything

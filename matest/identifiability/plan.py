@@ -1,0 +1,172 @@
+"""Photographs taken, or only planned: what a prediction of error bars needs to know of them."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from matest.brdf import Brdf, Lambert
+from matest.capture import Capture, load_capture, schema
+from matest.capture.assembly import Folder, build_encoding, build_scene, build_surface
+from matest.capture.capture import capture_file
+from matest.capture.photometry import Noise, quantisation
+from matest.errors import InputError
+from matest.shader import render_image
+from matest.simulate import bits_of, channels_of, material_of, shape_of, stored_pixels
+
+# A camera of 10,000 electrons full well and 10 electrons read noise.
+TYPICAL = Noise(read=1e-3, gain=1e-4)
+# The brightest pixel of a planned photograph whose exposure nobody gave, as a share of full scale.
+_EXPOSED = 0.9
+# Photographs that do not exist yet, by suffix; all others hold 16 bits.
+_KINDS = {".exr": np.float32, ".hdr": np.float32, ".npy": np.float32, ".jpg": np.uint8, ".jpeg": np.uint8}
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Photographs as far as geometry, lights and camera go.
+
+    Attributes:
+        capture: where no photographs exist its pixels are zero.
+        material: of a scene; None for a capture.
+        exposed: whether the radiance of full scale is known; if not, the brightest predicted pixel lies at 90 % of it.
+        noise: where the noise comes from, as a clause.
+    """
+
+    capture: Capture
+    material: Brdf | None = None
+    exposed: bool = True
+    noise: str = "as the capture states it"
+
+    @classmethod
+    def of(cls, capture: Capture) -> Plan:
+        """The plan that photographs already follow."""
+        return cls(capture) if capture.noise_given else cls(capture, noise="estimated from the images")
+
+    def with_noise(self, read: float, gain: float) -> Plan:
+        """The same photographs with noise of variance read² + gain·signal, fractions of full scale.
+
+        Raises:
+            InputError: negative or not finite, or no noise at all.
+        """
+        if not (math.isfinite(read) and math.isfinite(gain) and read >= 0 and gain >= 0 and read + gain > 0):
+            raise InputError(
+                f"noise takes read noise and gain, finite, not negative and not both zero; got {read:g} and {gain:g}. "
+                "A typical camera has 0.001 and 0.0001."
+            )
+        capture = self.capture
+        floor = quantisation(capture.encoding, capture.stored[0].dtype)
+        noise = Noise(float(np.hypot(read, floor)), gain)
+        return replace(self, capture=replace(capture, noise=noise, noise_given=True), noise="as given")
+
+
+def load_plan(
+    path: str | Path,
+    *,
+    transfer: str | float | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Plan:
+    """Read what is to be checked: a capture with or without its photographs, or a scene.
+
+    Args:
+        path: a folder with a `capture.toml` or else a `scene.toml`, or one of these files.
+        transfer: overrides `encoding.transfer`.
+        progress: called with the number of images decoded and their total.
+
+    Raises:
+        InputError: anything about the files that cannot be used; only some of the photographs exist.
+    """
+    path = Path(path)
+    scene = (path / "scene.toml").is_file() and not (path / "capture.toml").is_file()
+    file = capture_file(path, "scene.toml" if scene else "capture.toml")
+    if scene or _has_material(file):
+        described = schema.read(file, schema.SceneFile)
+        return _planned(described, file, transfer, material_of(described.material, str(file)))
+    tables = schema.read(file, schema.CaptureFile)
+    if any(table.file and (file.parent / table.file).is_file() for table in tables.image):
+        return Plan.of(load_capture(file, transfer=transfer, progress=progress))
+    return _planned(tables, file, transfer, None)
+
+
+def photographed(capture: Capture, material: Brdf) -> Capture:
+    """The capture with photographs of `material` as its camera would take them without noise."""
+    encoding = capture.encoding
+    dtype = capture.stored[0].dtype
+    bits = 8 * dtype.itemsize if dtype.kind == "u" else None
+    stored = []
+    for image in range(len(capture)):
+        signal = _radiance(capture, image, material) * (capture.exposures[image] / encoding.scale)
+        if encoding.flat is not None:
+            signal = signal * encoding.flat
+        stored.append(stored_pixels(signal + encoding.black, encoding, bits))
+    return replace(capture, stored=tuple(stored))
+
+
+def exposed(capture: Capture, material: Brdf) -> Capture:
+    """The capture with full scale chosen so that the brightest pixel of `material` lies at 90 % of it."""
+    peak = max(float(_radiance(capture, k, material).max()) * e for k, e in enumerate(capture.exposures))
+    scale = peak / (_EXPOSED - float(np.max(capture.encoding.black)))
+    return replace(capture, encoding=replace(capture.encoding, scale=scale)) if scale > 0 else capture
+
+
+def _radiance(capture: Capture, image: int, material: Brdf) -> np.ndarray:
+    """Radiance [N, C] of the object's pixels."""
+    rendered = render_image(capture.scene, image, material).detach().numpy()
+    return rendered.reshape(-1, rendered.shape[-1])[capture.scene.surface.pixels]
+
+
+def _planned(tables: schema.CaptureFile, file: Path, transfer: str | float | None, material: Brdf | None) -> Plan:
+    """A plan of photographs that do not exist."""
+    label, folder = str(file), Folder(file, file.parent.absolute())
+    if not tables.image:
+        raise InputError(f"{file}: expected at least one [[image]] with lights; got none.")
+    for k, table in enumerate(tables.image):
+        if not (math.isfinite(table.exposure) and table.exposure > 0):
+            raise InputError(f"{file}: image {k}: exposure must be positive; got {table.exposure}.")
+    channels = channels_of(tables, material or Lambert(), label)
+    surface = build_surface(tables, folder, shape_of(tables, folder, label), label)
+    scene, powers_known = build_scene(tables, folder, surface, channels)
+    dtype = _dtype(tables, label, material is not None)
+    chosen = tables.encoding
+    encoding = build_encoding(
+        chosen, folder, surface, np.zeros((1, 1, channels), dtype), transfer or chosen.transfer or "linear"
+    )
+    stated = tables.noise is not None and (tables.noise.read > 0 or tables.noise.gain > 0)
+    noise = Noise(tables.noise.read, tables.noise.gain) if tables.noise is not None and stated else TYPICAL
+    names = [image.file or f"image {number}" for number, image in enumerate(tables.image)]
+    capture = Capture(
+        name=file.parent.absolute().name,
+        scene=scene,
+        stored=(np.zeros((len(surface), channels), dtype),) * len(tables.image),
+        encoding=encoding,
+        exposures=tuple(image.exposure for image in tables.image),
+        noise=noise,
+        noise_given=True,
+        relative=chosen.radiometry == "relative" or not powers_known,
+        files=tuple(folder.path / name for name in names),
+        folder=folder.path,
+    )
+    known = chosen.scale is not None or np.dtype(dtype).kind == "f"
+    plan = Plan(capture, material, known).with_noise(noise.read, noise.gain)
+    return replace(plan, noise="as the file states it" if stated else "that of a typical camera, as none is stated")
+
+
+def _has_material(file: Path) -> bool:
+    """Whether a file is a scene; one that is no TOML is left to the reader of captures to refuse."""
+    try:
+        return "material" in tomllib.loads(file.read_text("utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
+        return False
+
+
+def _dtype(tables: schema.CaptureFile, label: str, scene: bool) -> type:
+    """The kind of number that the photographs will hold."""
+    if scene:
+        bits = bits_of(tables, label)
+        return {8: np.uint8, 16: np.uint16}.get(bits or 0, np.float32)
+    return _KINDS.get(Path(tables.image[0].file or "").suffix.lower(), np.uint16)

@@ -1,0 +1,211 @@
+"""Why a parameter is not determined: from the weak directions of the information, and from the geometry."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import torch
+from torch import Tensor
+
+from matest.brdf import Brdf, Sum
+from matest.brdf.base import factor_value, named_by
+from matest.directions import Directions
+from matest.errors import InputError
+from matest.identifiability.forecast import Forecast
+from matest.parameters import options_of, parameters_of
+
+# In relative units no parameter can be worse known than by this factor of itself: keeps null directions finite.
+_LARGEST = 1e4
+# What moves by less than this share of a parameter that runs along a weak direction takes no part in it.
+_PARTICIPATES = 0.1
+# Exponents this near to ±1 make a product or a ratio.
+_EXPONENT = 0.15
+# A lobe rises this much from 40 degrees off the mirror direction to it.
+_PEAKED = 5.0
+# Invariance to a change of parameters: rounding of float64 through a lobe's exponent.
+_INVARIANT = 1e-9
+
+
+@dataclass(frozen=True)
+class Nearness:
+    """How near the samples come to the centre of a highlight, where half vector and normal coincide (radians).
+
+    Attributes:
+        usable: the smallest half angle of a sample; infinite if there is none.
+        lit: the same with the pixels that light reaches although they cannot be used (clipped, rim, shadow edge).
+    """
+
+    usable: float
+    lit: float
+
+
+class Reasons:
+    """Sentences on why parameters of a forecast are badly known or not at all.
+
+    Args:
+        forecast: with every parameter in question free.
+        nearness: of its samples.
+        relative: whether the strength of the lights is unknown.
+    """
+
+    def __init__(self, forecast: Forecast, nearness: Nearness, relative: bool) -> None:
+        self.problem = forecast.problem
+        self._forecast = forecast
+        self._nearness = nearness
+        self._relative = relative
+        self._values = forecast.problem.values(forecast.unknowns)
+
+    def of(self, name: str) -> str:
+        """Why `name` is not determined, or badly."""
+        if absent := self._absent(name):
+            return absent
+        if unseen := self._unseen(name):
+            return unseen
+        others = self._partners(name)
+        if not others:
+            return f"these images hardly change with {name}: {self._effect(name)}"
+        if len(others) == 1:
+            return self._pair(name, *next(iter(others.items())))
+        *most, last = [name, *others]
+        return f"{', '.join(most)} and {last} are seen only in combination"
+
+    def locked(self, name: str) -> str | None:
+        """That a parameter carries the unknown scale of the light; None if it does not."""
+        problem = self.problem
+        lifted = problem.domain(name).upper > problem.declared(name).domain.upper or (
+            problem.declared(name).per_channel and math.isinf(problem.domain(name).upper)
+        )
+        if self._relative and lifted:
+            return f"{name} and the light scale are locked: it is known up to that scale"
+        return None
+
+    def _absent(self, name: str) -> str | None:
+        """That every term with the parameter vanishes at these values."""
+        products = self._products(name)
+        zero = [{named_by(f) for f in product if not bool(factor_value(f, self._values).any())} for product in products]
+        zero = [names - {name} for names in zero]
+        if products and all(zero):
+            return f"what it shapes is absent: {min(zero[0])} is 0 at the values assumed"
+        return None
+
+    def _unseen(self, name: str) -> str | None:
+        """That no sample comes near the highlight that the parameter belongs to."""
+        width = max((self._half_width(product) for product in self._products(name)), default=math.inf)
+        nearness = self._nearness
+        if nearness.usable <= width:
+            return None
+        if math.isinf(nearness.usable):
+            return "no image has a usable sample"
+        degrees = math.degrees(nearness.usable)
+        told = f"{degrees:.0f}°" if degrees >= 3 else f"{degrees:.1f}°"
+        if nearness.lit <= width:
+            return f"every sample within {told} of the highlight is clipped or at an edge: add a shorter exposure"
+        return f"no image samples within {told} of the highlight"
+
+    def _products(self, name: str) -> list[tuple[str, ...]]:
+        """The factors of the terms that depend on a parameter."""
+        brdf, ties = self.problem.brdf, self.problem.ties
+        names = {name, *(dependent for dependent, source in ties.items() if source == name)}
+        by_factor = [product for product in brdf.products if names & {named_by(factor) for factor in product}]
+        shaped = [product for one in names if one not in brdf.factors for product in brdf.carriers(one)]
+        return list(dict.fromkeys([*by_factor, *shaped]))
+
+    def _half_width(self, product: tuple[str, ...]) -> float:
+        """Half angle at which a lobe has fallen to 1/e of its height, 30° from the normal; infinite if it is none."""
+        angles = torch.deg2rad(torch.arange(0.0, 40.5, 0.25, dtype=torch.float64))
+        tilt = math.pi / 6
+        # Out of the plane of incidence, so that the light stays above the horizon as the half vector turns.
+        viewer = torch.tensor([math.sin(tilt), 0.0, math.cos(tilt)], dtype=torch.float64)
+        half = torch.stack([torch.zeros_like(angles), angles.sin(), angles.cos()], dim=-1)
+        light = 2 * (half @ viewer)[:, None] * half - viewer
+        directions = Directions(light, viewer.expand_as(light))
+        terms = self._material.terms(directions)
+        heights = sum(term.shape.expand(len(angles), -1).amax(-1) for term in terms if term.factors == product)
+        heights = torch.as_tensor(heights)
+        if not bool(heights[0] > _PEAKED * heights[-1].abs()):
+            return math.inf
+        return float(angles[int((heights > heights[0] / math.e).nonzero().max())])
+
+    @property
+    def _material(self) -> Brdf:
+        return self.problem.material(self._forecast.unknowns)
+
+    @cached_property
+    def _covariance(self) -> Tensor:
+        """Covariance in units of the values, null directions given a large but finite error."""
+        scale = self._forecast.references
+        information = self._forecast.information * scale[:, None] * scale[None, :]
+        return torch.linalg.inv(information + torch.eye(len(scale)).double() / _LARGEST**2)
+
+    def _partners(self, name: str) -> dict[str, float]:
+        """Parameters that move along when `name` changes by one of itself, and by how much of themselves.
+
+        Of all such changes the one that the images see least of.
+        """
+        problem, covariance = self.problem, self._covariance
+        place = problem.where[name]
+        worst = place.start + int(covariance.diagonal()[place].argmax())
+        moves = covariance[:, worst] / covariance[worst, worst]
+        found = {}
+        for other, span in problem.where.items():
+            largest = float(moves[span][moves[span].abs().argmax()])
+            if other != name and abs(largest) > _PARTICIPATES:
+                found[other] = largest
+        return found
+
+    def _pair(self, name: str, other: str, move: float) -> str:
+        """What is seen of two parameters of which one moves by `move` when the other moves by 1 (relative)."""
+        if abs(move + 1) < _EXPONENT:
+            return f"{name} and {other} appear only as a product here"
+        if abs(move - 1) < _EXPONENT:
+            numerator, denominator = sorted((name, other), key=list(self.problem.brdf.declared).index)
+            remedy = self._separating(name, other)
+            return f"only {numerator}/{denominator} is determined" + (f" without {remedy}" if remedy else " here")
+        return f"{name} and {other} are seen only in combination"
+
+    def _separating(self, name: str, other: str) -> str | None:
+        """The option with which two parameters would no longer appear as a ratio only."""
+        brdf = self.problem.brdf
+        component = name.rpartition(".")[0]
+        parts = {part.name: part for part in brdf.components} if isinstance(brdf, Sum) else {"": brdf}
+        chosen = parts[component]
+        keys = (name.rpartition(".")[2], other.rpartition(".")[2])
+        if other.rpartition(".")[0] != component or not _only_ratio(chosen, *keys):
+            return None
+        for option, choices in options_of(type(chosen)).items():
+            for choice in choices:
+                try:
+                    variant = replace(chosen, **{option: choice})  # type: ignore[type-var]
+                except InputError:
+                    continue
+                if {*keys} <= {*variant.declared} and not _only_ratio(variant, *keys):
+                    doc = type(chosen).__dataclass_fields__[option].metadata["doc"]  # type: ignore[attr-defined]
+                    return f"{option}={choice} ({doc.partition(' (')[0]})"
+        return None
+
+    def _effect(self, name: str) -> str:
+        """How large a change of a parameter would have to be to show."""
+        place = self.problem.where[name]
+        information = self._forecast.information.diagonal()[place]
+        if not bool((information > 0).any()):
+            return "not to first order at the value assumed"
+        needed = float((information.clamp(min=1e-300).rsqrt() / self._forecast.references[place]).max())
+        return f"only one of {needed:.0%} of its value stands out of the noise"
+
+
+def _only_ratio(brdf: Brdf, name: str, other: str) -> bool:
+    """Whether a model stays the same when two parameters grow in proportion, at every level of their domains."""
+    wi = torch.tensor([[0.48, 0.36, 0.8], [-0.48, -0.352, 0.8035], [0.1, 0.3, 0.9487]], dtype=torch.float64)
+    wo = torch.tensor([[-0.48, -0.36, 0.8], [0.5, 0.3, 0.8124], [0.6, 0.0, 0.8]], dtype=torch.float64)
+    domains = {key: parameters_of(type(brdf))[key].domain for key in (name, other)}
+    for level in (0.02, 0.1, 0.5):
+        values = {key: torch.tensor(d.lower + level * min(d.width, 1.0)).double() for key, d in domains.items()}
+        here, grown = (
+            brdf.replace({key: factor * value for key, value in values.items()}).evaluate(Directions(wi, wo))
+            for factor in (1.0, 1.05)
+        )
+        if not torch.allclose(here, grown, rtol=_INVARIANT, atol=0):
+            return False
+    return True
