@@ -18,8 +18,12 @@ from matest.parameters import options_of, parameters_of
 
 # In relative units no parameter can be worse known than by this factor of itself: keeps null directions finite.
 _LARGEST = 1e4
-# What moves by less than this share of a parameter that runs along a weak direction takes no part in it.
-_PARTICIPATES = 0.1
+# Parameters correlated with another one this much take part in what keeps it from being known.
+_PARTICIPATES = 0.5
+# A parameter that would be known to more than this of its value if all others were given is barely seen.
+_BARELY = 0.1
+# A parameter that must change this many times its value to stand out of the noise has no effect to speak of.
+_NO_EFFECT = 1e3
 # Exponents this near to ±1 make a product or a ratio.
 _EXPONENT = 0.15
 # A lobe rises this much from 40 degrees off the mirror direction to it.
@@ -61,11 +65,12 @@ class Reasons:
         """Why `name` is not determined, or badly."""
         if absent := self._absent(name):
             return absent
-        if unseen := self._unseen(name):
+        # Known well if only the others were given, it is seen: something else takes its part.
+        if self._alone(name) > _BARELY and (unseen := self._unseen(name)):
             return unseen
         others = self._partners(name)
         if not others:
-            return f"these images hardly change with {name}: {self._effect(name)}"
+            return self._effect(name)
         if len(others) == 1:
             return self._pair(name, *next(iter(others.items())))
         *most, last = [name, *others]
@@ -148,12 +153,12 @@ class Reasons:
         place = problem.where[name]
         worst = place.start + int(covariance.diagonal()[place].argmax())
         moves = covariance[:, worst] / covariance[worst, worst]
-        found = {}
-        for other, span in problem.where.items():
-            largest = float(moves[span][moves[span].abs().argmax()])
-            if other != name and abs(largest) > _PARTICIPATES:
-                found[other] = largest
-        return found
+        correlation = moves.abs() * (covariance[worst, worst] / covariance.diagonal()).sqrt()
+        return {
+            other: float(moves[span][correlation[span].argmax()])
+            for other, span in problem.where.items()
+            if other != name and bool(correlation[span].max() > _PARTICIPATES)
+        }
 
     def _pair(self, name: str, other: str, move: float) -> str:
         """What is seen of two parameters of which one moves by `move` when the other moves by 1 (relative)."""
@@ -185,14 +190,18 @@ class Reasons:
                     return f"{option}={choice} ({doc.partition(' (')[0]})"
         return None
 
+    def _alone(self, name: str) -> float:
+        """Relative standard error that a parameter would get if all others were known."""
+        place = self.problem.where[name]
+        information = self._forecast.information.diagonal()[place].clamp(min=0)
+        return float((information.rsqrt() / self._forecast.references[place]).max())
+
     def _effect(self, name: str) -> str:
         """How large a change of a parameter would have to be to show."""
-        place = self.problem.where[name]
-        information = self._forecast.information.diagonal()[place]
-        if not bool((information > 0).any()):
-            return "not to first order at the value assumed"
-        needed = float((information.clamp(min=1e-300).rsqrt() / self._forecast.references[place]).max())
-        return f"only one of {needed:.0%} of its value stands out of the noise"
+        needed = self._alone(name)
+        if needed > _NO_EFFECT:
+            return f"these images do not change with {name} at the values assumed"
+        return f"these images hardly change with {name}: only by {needed:.0%} of itself would it stand out of the noise"
 
 
 def _only_ratio(brdf: Brdf, name: str, other: str) -> bool:

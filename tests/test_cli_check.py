@@ -1,0 +1,124 @@
+"""`matest check` as people and scripts use it."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from matest import cli
+from tests import scenes
+
+PLANNED = """[geometry]
+shape = "sphere"
+centre = [24, 24]
+radius = 21
+[camera]
+resolution = [48, 48]
+[[image]]
+file = "later.png"
+lights = [ { direction = [0, 0, 1], irradiance = 3.0 } ]
+"""
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]):
+    """Run `matest check ARGUMENTS` in this process: exit code, standard output, standard error."""
+    monkeypatch.setenv("COLUMNS", "80")
+
+    def invoke(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["matest", "check", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        out, err = capfd.readouterr()
+        code = ended.value.code
+        return (0 if code is None else int(code)), out, err
+
+    return invoke
+
+
+@pytest.fixture
+def planned(tmp_path: Path) -> Path:
+    """A capture whose photograph has not been taken."""
+    (tmp_path / "capture.toml").write_text(PLANNED, "utf-8")
+    return tmp_path
+
+
+def test_photographs_not_yet_taken_are_checked(run, planned: Path) -> None:
+    code, out, err = run(planned, "--model", "cook-torrance")
+    assert (code, err) == (0, "")
+    told = " ".join(out.split())
+    assert "f0 and specular appear only as a product here" in told
+    assert "Next light: direction = [" in told
+    assert "typical camera" in told
+    assert max(len(line) for line in out.splitlines()) <= 80
+
+
+def test_sums_with_long_names_fit_eighty_columns(run, planned: Path) -> None:
+    code, out, _ = run(planned)
+    assert code == 0
+    assert "cook-torrance.specular" in out
+    assert max(len(line) for line in out.splitlines()) <= 80
+
+
+def test_json_holds_the_whole_check(run, planned: Path) -> None:
+    code, out, _ = run(planned, "--model", "oren-nayar", "--at", "sigma=0.4", "--noise", "0.004,0", "--json")
+    assert code == 0
+    content = json.loads(out)
+    assert content["schema"] == "matest.check/1"
+    assert content["parameters"]["sigma"]["value"] == pytest.approx(0.4)
+    assert content["noise"]["read"] == pytest.approx(0.004, rel=1e-3)
+    light = content["light"]
+    assert np.linalg.norm(light["direction"]) == pytest.approx(1)
+    x, y, z = light["direction"]
+    assert light["from_camera"] == pytest.approx(np.arccos(z))
+    if light["from_camera"] > 0.01:
+        assert light["azimuth"] == pytest.approx(np.arctan2(y, x))
+    assert light["std"]["sigma"] < content["parameters"]["sigma"]["std"]
+
+
+def test_a_scene_brings_its_own_model_and_values(run, tmp_path: Path) -> None:
+    material = scenes.material("oren-nayar", albedo=0.6, sigma=0.45)
+    file = scenes.write(tmp_path, material, scenes.sphere(48), scenes.noise(), scenes.distant(scenes.LIGHTS[:2]))
+    content = json.loads(run(file, "--json")[1])
+    assert content["model"] == "oren-nayar"
+    assert content["parameters"]["sigma"]["value"] == pytest.approx(0.45)
+    assert content["levels"] == {}
+    other = json.loads(run(file, "--model", "lambert", "--json")[1])
+    assert any("another model" in warning for warning in other["warnings"])
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        (("--model", "oren-nayer"), "did you mean 'oren-nayar'?"),
+        (("--model", "oren-nayar", "--at", "sigma=40"), "radians"),
+        (("--model", "oren-nayar", "--at", "sigma=wide"), "--at sigma must be a number"),
+        (("--noise", "0.1"), "READ,GAIN"),
+        (("--noise", "0,0"), "both zero"),
+    ],
+)
+def test_bad_input_is_refused_in_one_sentence(run, planned: Path, options: tuple[str, ...], expected: str) -> None:
+    code, out, err = run(planned, *options)
+    assert code == 2
+    assert out == ""
+    assert expected in err
+    assert err.count("\n") == 1
+
+
+def test_a_capture_of_which_a_photograph_is_missing_is_refused(run, planned: Path) -> None:
+    (planned / "capture.toml").write_text(PLANNED + '[[image]]\nfile = "there.npy"\n', "utf-8")
+    np.save(planned / "there.npy", np.ones((48, 48, 1), np.float32))
+    code, _, err = run(planned)
+    assert code == 2
+    assert "later.png" in err
+
+
+def test_a_plan_that_does_not_say_how_large_its_images_are_is_refused(run, planned: Path) -> None:
+    (planned / "capture.toml").write_text(PLANNED.replace("resolution = [48, 48]", ""), "utf-8")
+    code, _, err = run(planned)
+    assert code == 2
+    assert "resolution" in err
