@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 from functools import cache
@@ -246,6 +247,25 @@ def test_noise_that_nobody_states_is_a_typical_cameras(tmp_path: Path) -> None:
     assert "typical" in found.noise["source"]
     assert found.noise["read"] == pytest.approx(1e-3, rel=1e-3)
     assert Plan.of(studio(DIRECTIONS).photograph(Lambert(0.5), 1)).capture.noise == CAMERA
+
+
+def test_a_capture_in_the_dark_is_helped_by_any_light() -> None:
+    found = check(studio([(0, 0, -1)], size=32).photograph(Lambert(0.5), 1), "oren-nayar")
+    for name in ("albedo", "sigma"):
+        assert found.parameters[name].reason == "no image has a usable sample"
+        assert found.parameters[name].range is None
+    assert found.light is not None
+    assert found.light.resolves == ["albedo", "sigma"]
+    json.dumps(found.to_dict(), allow_nan=False)
+    assert any("no usable pixel" in warning for warning in found.warnings)
+
+
+@pytest.mark.usefixtures("without_advice")
+def test_an_azimuth_carries_no_light_scale() -> None:
+    capture = studio(DIRECTIONS, relative=True).photograph(Lambert(0.5), 1)
+    found = check(capture, "oren-nayar-single-slope").parameters
+    assert "locked" in found["albedo"].reason
+    assert "locked" not in found["azimuth"].reason
 
 
 def test_noise_must_be_possible() -> None:

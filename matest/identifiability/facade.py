@@ -42,7 +42,7 @@ class Prediction:
         std: predicted standard error; None where not determined, or not estimated.
         relative: largest std over value (over the domain's width where that is 0).
         range: smallest and largest `relative` over all levels of the shape parameters that were not given, None where
-            one of them leaves it undetermined; None altogether where there was only one level.
+            one of them leaves it undetermined; None altogether where all do, or there was only one level.
         unit: "1", "rad", "µm".
         status: determined | weak (std above the value) | not determined | held (by default) | fixed | tied.
         reason: why it is weak, not determined, held, or known up to a scale only; empty otherwise.
@@ -286,9 +286,11 @@ def _predictions(spread: Sequence[Forecast], why: Reasons, why_held: Reasons) ->
     return out
 
 
-def _among(relative: Sequence[float]) -> tuple[float, float | None]:
-    largest = max(relative)
-    return min(relative), largest if math.isfinite(largest) else None
+def _among(relative: Sequence[float]) -> tuple[float, float | None] | None:
+    smallest, largest = min(relative), max(relative)
+    if not math.isfinite(smallest):
+        return None
+    return smallest, largest if math.isfinite(largest) else None
 
 
 def _advice(before: Forecast, light: NextLight) -> LightAdvice:

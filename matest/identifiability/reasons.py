@@ -63,12 +63,16 @@ class Reasons:
 
     def of(self, name: str) -> str:
         """Why `name` is not determined, or badly."""
+        if not self._forecast.values:
+            return "no image has a usable sample"
         if absent := self._absent(name):
             return absent
         # Known well if only the others were given, it is seen: something else takes its part.
         if self._alone(name) > _BARELY and (unseen := self._unseen(name)):
             return unseen
         others = self._partners(name)
+        if not others and self._alone(name) < _BARELY:
+            return f"{name} is seen only in combination with the other parameters"
         if not others:
             return self._effect(name)
         if len(others) == 1:
@@ -78,11 +82,8 @@ class Reasons:
 
     def locked(self, name: str) -> str | None:
         """That a parameter carries the unknown scale of the light; None if it does not."""
-        problem = self.problem
-        lifted = problem.domain(name).upper > problem.declared(name).domain.upper or (
-            problem.declared(name).per_channel and math.isinf(problem.domain(name).upper)
-        )
-        if self._relative and lifted:
+        scales = self.problem.declared(name).per_channel and math.isinf(self.problem.domain(name).upper)
+        if self._relative and scales:
             return f"{name} and the light scale are locked: it is known up to that scale"
         return None
 
@@ -101,8 +102,6 @@ class Reasons:
         nearness = self._nearness
         if nearness.usable <= width:
             return None
-        if math.isinf(nearness.usable):
-            return "no image has a usable sample"
         degrees = math.degrees(nearness.usable)
         told = f"{degrees:.0f}°" if degrees >= 3 else f"{degrees:.1f}°"
         if nearness.lit <= width:
