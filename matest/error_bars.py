@@ -119,7 +119,7 @@ def flat_at_bound(solution: Solution, samples: Samples) -> dict[int, float]:
             continue
         moved = solution.unknowns.clone()
         moved[place] = domain.lower + epsilon
-        statistics = accumulate(problem, moved, AllTiles(samples), solution.unknowns)
+        statistics = accumulate(problem, moved, AllTiles(samples), solution.unknowns, solution.misfit)
         covariance = fisher(
             statistics.information / solution.statistics.misfit, torch.ones(problem.size, dtype=torch.bool)
         )
@@ -158,7 +158,7 @@ def parameter_estimates(solution: Solution, bars: ErrorBars) -> dict[str, Parame
 
 def reported_labels(problem: Problem) -> list[str]:
     """A name for every row of `reported_correlation`."""
-    return [_ratio_label(problem, label) if known_by_ratio(problem, label) else label for label in problem.labels]
+    return [reported_name(problem, label) for label in problem.labels]
 
 
 def reported_correlation(solution: Solution, bars: ErrorBars) -> list[list[float]]:
@@ -166,6 +166,12 @@ def reported_correlation(solution: Solution, bars: ErrorBars) -> list[list[float
     problem = solution.problem
     sign = torch.tensor([-1.0 if known_by_ratio(problem, label) else 1.0 for label in problem.labels])
     return (bars.covariance.correlation * sign[:, None] * sign[None, :]).tolist()
+
+
+def reported_name(problem: Problem, name: str) -> str:
+    """The name under which what is known of a parameter is reported: its own, or that of its ratio to another."""
+    ratio = name in problem.brdf.declared and problem.declared(name).ratio is not None
+    return _ratio_label(problem, name) if ratio and known_by_ratio(problem, name) else name
 
 
 def known_by_ratio(problem: Problem, name: str) -> bool:

@@ -31,8 +31,8 @@ from matest.shader import render
 from matest.specification import Constraints, Specification, Value, freed, optics, specify
 from matest.uncertainty import fisher
 
-# Worth a word of warning: less than this share of the mask is geometry, or a fit worse than this.
-_COVERED, _POOR = 0.5, 0.15
+# Worth a word of warning: less than this share of the mask is geometry, a fit worse than this, or more outliers.
+_COVERED, _POOR, _MANY_OUTLIERS = 0.5, 0.15, 0.005
 # A parameter held by default is freed when its predicted relative error is below this.
 _WORTH_FREEING = 0.25
 Progress = Callable[[str], None]
@@ -92,16 +92,18 @@ def estimate(
     material = solution.problem.material(solution.unknowns)
     statistics = solution.statistics
     parameters = parameter_estimates(solution, bars)
+    measured = len(samples) - samples.skipped["saturated"]
     outcome = Fit(
         rmse=math.sqrt(statistics.total("squared_residual") / max(statistics.total("values"), 1)),
         relative_rmse=statistics.relative_rmse,
         reduced_chi2=bars.chi2,
-        samples=len(samples),
-        samples_used=int(statistics.total("samples")),
+        samples=measured,
+        samples_used=min(int(statistics.total("samples")), measured),
         iterations=solution.iterations,
         status="converged" if solution.converged else "not converged",
         message=_message(solution, bars),
         errors=bars.kind,
+        outliers=statistics.outliers,
     )
     left_out = None
     if holdout:
@@ -157,7 +159,7 @@ def relative_error(capture: Capture, material: Brdf, images: Iterable[int]) -> f
         )
     problem = Problem(material, capture.channels, (), material.parameters, {})
     nothing = torch.zeros(0, dtype=torch.float64)
-    statistics = accumulate(problem, nothing, AllTiles(capture.samples(images)), nothing)
+    statistics = accumulate(problem, nothing, AllTiles(capture.samples(images)), None)
     return statistics.relative_rmse if statistics.clusters else None
 
 
@@ -168,7 +170,7 @@ def _worth_freeing(specification: Specification, solution: Solution, samples: Sa
         return []
     wider = freed(specification, names).problem
     unknowns = _widened(wider, solution)
-    statistics = accumulate(wider, unknowns, AllTiles(samples), unknowns)
+    statistics = accumulate(wider, unknowns, AllTiles(samples), unknowns, solution.misfit)
     return worth_freeing(wider, names, unknowns, statistics.information / statistics.misfit)
 
 
@@ -277,6 +279,11 @@ def _warnings(
     empty = [capture.names[k] for k, count in zip(samples.images, samples.counts, strict=True) if not count]
     if empty:
         out.append(f"{', '.join(empty)} gives no usable pixel: is its light behind the object, or the image clipped?")
+    if solution.statistics.outliers > _MANY_OUTLIERS:
+        out.append(
+            f"{solution.statistics.outliers:.1%} of the values lie too far from the model to be noise and were left "
+            "out: dust, highlights or shadows that model and geometry do not have?"
+        )
     if relative_rmse > _POOR:
         out.append(
             f"The model misses the images by {relative_rmse:.0%}: check encoding.transfer, the directions of the "

@@ -23,8 +23,8 @@ def photometric(rendered: Tensor, measured: Tensor, weight: Tensor | None = None
 def likelihood(rendered: Tensor, batch: Batch, *, degrees_of_freedom: float | None = None) -> Tensor:
     """Mean negative log-likelihood of a batch under its camera's noise (Gaussian, variance = read² + gain·signal).
 
-    The signal in the variance is the rendered one. Channels too dark for the sensor do not count; saturated pixels are
-    not in a batch. Constants are left out.
+    The signal in the variance is the rendered one. A value clipped at either end of the sensor's range counts with the
+    probability of being clipped. Constants are left out.
 
     Args:
         rendered: radiance [n, 1 or C].
@@ -37,7 +37,11 @@ def likelihood(rendered: Tensor, batch: Batch, *, degrees_of_freedom: float | No
     if degrees_of_freedom is not None:
         misfit = (degrees_of_freedom + 1) * torch.log1p(misfit / degrees_of_freedom)
     value = 0.5 * (misfit + torch.log(variance))
-    return value.mean() if batch.seen is None else (value * batch.seen).sum() / batch.seen.sum()
+    if batch.clipped is not None and batch.limits is not None:
+        lower, upper = batch.limits
+        beyond = torch.where(batch.clipped > 0, rendered - upper, lower - rendered) / variance.sqrt()
+        value = torch.where(batch.clipped == 0, value, -torch.special.log_ndtr(beyond.nan_to_num(posinf=0)))
+    return value.mean()
 
 
 def structural(rendered: Tensor, measured: Tensor, window: int = 11) -> Tensor:

@@ -46,8 +46,9 @@ class Fit:
         rmse: root mean square residual, radiance.
         relative_rmse: that over the rms radiance of the samples used.
         reduced_chi2: mean squared residual in units of the noise variance.
-        samples: usable samples (pixels of all images).
+        samples: usable samples (pixels of all images); saturated ones come on top, as lower bounds of their radiance.
         samples_used: of those, the ones in the final pass.
+        outliers: share of the values that lie too far from the model to be believed and were left out.
         iterations: evaluations over all samples (all from one pass where the model separates).
         status: "converged" or "not converged".
         message: the same as a sentence.
@@ -63,6 +64,7 @@ class Fit:
     status: str
     message: str
     errors: str
+    outliers: float = 0.0
 
 
 @dataclass(frozen=True)

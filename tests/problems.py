@@ -49,5 +49,6 @@ def quadratic(matrix: Tensor, optimum: Tensor, unknowns: Tensor, floor: float = 
     """Statistics of a linear model whose χ² is `floor` at `optimum` and has curvature `matrix`."""
     offset = optimum - unknowns
     gradient = matrix @ offset
-    sums = Sums(matrix, gradient, float(offset @ gradient) + floor, 100, 0.0, 1.0, 100)
+    cost = float(offset @ gradient) + floor
+    sums = Sums(matrix, gradient, cost, cost, 100, 0, 0.0, 1.0, 100)
     return Statistics({0: sums})

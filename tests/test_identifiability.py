@@ -68,7 +68,10 @@ def test_predicted_standard_errors_are_those_found_within_ten_per_cent(name: str
     # The photographs are of something else: only geometry, lights and noise count.
     predicted = checked(where.photograph(Lambert(0.2), seed=1), name, at=VALUES[name]).parameters
     found = matest.estimate(photograph(where, name, seed=2), name, fix=FIXED[name]).parameters
-    for parameter in VALUES[name]:
+    for parameter in (*VALUES[name], "slope_ratio"):
+        if parameter not in predicted or predicted[parameter].status in ("fixed", "not determined"):
+            assert name == "li-torrance" or parameter == "slope_ratio"
+            continue
         assert np.ravel(predicted[parameter].std) == pytest.approx(np.ravel(found[parameter].std), rel=0.1)
         assert predicted[parameter].status == "determined"
 
@@ -154,12 +157,12 @@ def test_a_highlight_that_no_sample_comes_near_is_named_with_its_distance() -> N
 
 
 @pytest.mark.usefixtures("without_advice")
-def test_pixels_predicted_to_be_clipped_do_not_count() -> None:
+def test_pixels_predicted_to_be_clipped_say_little() -> None:
     capture = studio([(0.3, 0.2, 0.93)]).photograph(Lambert(0.5), 1)
     values = {"slope": 0.05, "diffuse": 0.3}
     clipped = check(replace(capture, encoding=Encoding(saturation=0.25)), "cook-torrance", at=values)
     whole = check(capture, "cook-torrance", at=values)
-    assert clipped.skipped["saturated"] == whole.samples - clipped.samples > 0
+    assert clipped.skipped["saturated"] > whole.skipped["saturated"] == 0
     assert clipped.parameters["slope"].std > 1.5 * whole.parameters["slope"].std
 
 

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from matest.capture import Batch
-from matest.capture.samples import Readout
+from matest.capture.batch import Limits, Readout
 from matest.losses import likelihood, photometric, structural
 from matest.scene import Points
 
@@ -90,14 +90,17 @@ def test_students_likelihood_is_pulled_less_by_an_outlier_the_further_out_it_is(
     assert pulls[1] < 0.2 * pulls[0]
 
 
-@pytest.mark.parametrize("degrees_of_freedom", [None, 4.0])
-def test_channels_too_dark_for_the_sensor_do_not_count(degrees_of_freedom):
-    rendered, measured = random(20, 3), random(20, 3, seed=1)
-    seen = torch.ones_like(measured)
-    seen[:, 2] = 0
-    dark = replace(batch_of(measured), seen=seen)
-    expected = likelihood(rendered[:, :2], batch_of(measured[:, :2]), degrees_of_freedom=degrees_of_freedom)
-    torch.testing.assert_close(likelihood(rendered, dark, degrees_of_freedom=degrees_of_freedom), expected)
+def test_a_clipped_value_counts_with_the_probability_of_being_clipped():
+    rendered = torch.tensor([[0.02, 0.4, 0.97]], dtype=torch.float64)
+    measured = torch.tensor([[0.0, 0.5, 1.0]], dtype=torch.float64)
+    ends = Limits(*(torch.tensor([[end]], dtype=torch.float64) for end in (0.01, 0.95)))
+    batch = replace(batch_of(measured), limits=ends, clipped=torch.tensor([[-1, 0, 1]]))
+    std = (READ + GAIN * rendered).sqrt()
+    normal = torch.distributions.Normal(rendered, std)
+    below, above = normal.cdf(torch.tensor(0.01))[:, 0], 1 - normal.cdf(torch.tensor(0.95))[:, 2]
+    inside = -normal.log_prob(measured)[:, 1] - 0.5 * math.log(2 * math.pi)
+    expected = (inside - below.log() - above.log()) / 3
+    torch.testing.assert_close(likelihood(rendered, batch), expected[0])
 
 
 def test_the_optimum_weighs_samples_by_their_inverse_variance():

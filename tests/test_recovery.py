@@ -41,6 +41,9 @@ def test_parameters_come_back_within_four_standard_errors(expression: str) -> No
     found = matest.estimate(capture, expression, fix=metal, free=free)
     assert found.fit.status == "converged"
     assert found.fit.reduced_chi2 == pytest.approx(1, abs=0.03)
+    if "lobes=2" in expression and found.parameters["slope"].value > found.parameters["slope_2"].value:
+        # The same material with its lobes the other way round.
+        values |= {"slope": values["slope_2"], "slope_2": values["slope"], "weight_2": 1 - values["weight_2"]}
     determined = {name: p for name, p in found.parameters.items() if p.status == "determined"}
     assert {*values} - {*metal, "eta", "k"} <= {*determined}
     for name, parameter in determined.items():

@@ -141,8 +141,9 @@ def test_near_lights_perspective_and_cast_shadows_keep_the_accuracy(model: str, 
 
     unshadowed = dataclasses.replace(capture.scene, shadows=(), shadow_edge=())
     blind = matest.estimate(dataclasses.replace(capture, scene=unshadowed), model)
-    assert blind.fit.reduced_chi2 > 1.3
-    assert "does not hold" in blind.fit.message
+    # Shadows that the geometry does not show are outliers, and few of them do any harm.
+    assert blind.fit.outliers > 0.01 > 0.001 > estimate.fit.outliers
+    assert any("were left out" in warning for warning in blind.warnings)
 
 
 def test_ambient_light_and_several_lights_an_image_are_accounted_for(tmp_path: Path) -> None:

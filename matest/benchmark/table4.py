@@ -14,7 +14,7 @@ from matest.benchmark.record import Progress, Record
 from matest.benchmark.timing import TILE, forward, random_directions
 from matest.brdf import Brdf, LiTorrance, model, preset
 from matest.capture import Batch
-from matest.capture.samples import Readout
+from matest.capture.batch import Readout
 from matest.estimators import fit_batches
 from matest.scene import Points
 from matest.specification import Constraints, specify

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,6 +75,27 @@ class Encoding:
         if self.flat is not None:
             linear = linear / self.flat[index]
         return linear
+
+    def limits(self, dtype: np.dtype, index: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """Signals at which the sensor clips at its lower and upper end, each [1 or n, 1 or C]; None if it never does.
+
+        Integers clip below half a step above zero, and from half a step below the first saturated value on.
+        """
+        if dtype.kind != "u" and self.saturation is None:
+            return None
+        lower, upper = -math.inf, math.inf
+        if dtype.kind == "u":
+            step = 1 / full_scale(dtype)
+            lower = float(self.linear(np.array(0.5 * step)))
+        if self.saturation is not None:
+            top = min(self.saturation, 1.0)
+            if dtype.kind == "u":
+                top = (math.ceil(top / step) - 0.5) * step
+            upper = float(self.linear(np.array(top)))
+        black = self.black if isinstance(self.black, float) else self.black[index]
+        flat = 1.0 if self.flat is None else self.flat[index]
+        lower_end, upper_end = (np.atleast_2d((end - black) / flat) for end in (lower, upper))
+        return lower_end, upper_end
 
     def saturated(self, stored: np.ndarray) -> np.ndarray:
         """True where the stored value is at or above saturation, [n, C]."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from matest.capture.batch import Batch, Limits, Readout
 from matest.capture.photometry import as_tensor
 from matest.scene import Points
 
@@ -19,60 +20,11 @@ if TYPE_CHECKING:
     from matest.capture.capture import Capture
 
 TILE = 16_384
-# A pixel counts only where its surroundings are this many standard deviations from clipping.
-_CLIP_MARGIN = 3.0
+# Where cast shadows are unknown, a pixel counts only where its surroundings are this much read noise above black.
+_DARK = 3.0
 # Samples are grouped into blocks of pixels, whose errors may be correlated: this many across and down an image.
 _BLOCKS_ACROSS = 4
 BLOCKS = _BLOCKS_ACROSS**2
-
-
-class Readout(NamedTuple):
-    """Noise of an image in radiance: variance = read + gain·radiance; tensors [1 or n, 1 or C]."""
-
-    read: Tensor
-    gain: Tensor
-
-
-@dataclass(frozen=True)
-class Batch:
-    """n samples: points, their measured radiance [n, C], the noise of their pixels.
-
-    Attributes:
-        points: geometry and light.
-        radiance: measured, [n, C].
-        readout: noise of the pixels.
-        seen: False where a channel of a pixel is too dark for the sensor [n, C]; None where all are seen.
-        cluster: label of the block of pixels of one image, image · BLOCKS + block (None when mixed).
-        runs: where several blocks follow each other in one batch, the label and length of each.
-        pixels: where on the surface each sample lies, an index into its N pixels [n]; None for samples of no surface.
-    """
-
-    points: Points
-    radiance: Tensor
-    readout: Readout
-    seen: Tensor | None = None
-    cluster: int | None = None
-    runs: tuple[tuple[int, int], ...] = ()
-    pixels: Tensor | None = None
-
-    def __len__(self) -> int:
-        return len(self.radiance)
-
-    def __getitem__(self, index: slice) -> Batch:
-        """Some of the samples."""
-        readout = Readout(*(value if len(value) == 1 else value[index] for value in self.readout))
-        seen = None if self.seen is None else self.seen[index]
-        pixels = None if self.pixels is None else self.pixels[index]
-        return Batch(self.points[index], self.radiance[index], readout, seen, self.cluster, pixels=pixels)
-
-    def variance(self, radiance: Tensor) -> Tensor:
-        """Noise variance of a pixel of this true `radiance` [n, C]."""
-        return self.readout.read + self.readout.gain * radiance.clamp(min=0)
-
-    def weight(self, radiance: Tensor) -> Tensor:
-        """Inverse variance of a pixel of this true `radiance` [n, C]; 0 where a channel is not seen."""
-        weight = 1 / self.variance(radiance)
-        return weight if self.seen is None else weight * self.seen
 
 
 class _Selection(NamedTuple):
@@ -80,13 +32,11 @@ class _Selection(NamedTuple):
 
     Attributes:
         usable: per image, packed bits [N].
-        unseen: per image, packed bits [N, C] of channels too dark for the sensor; None where there are none.
         counts: usable pixels per image.
         skipped: number of pixels left out, by reason.
     """
 
     usable: list[np.ndarray]
-    unseen: list[np.ndarray | None]
     counts: list[int]
     skipped: dict[str, int]
 
@@ -94,8 +44,9 @@ class _Selection(NamedTuple):
 class Samples:
     """Samples of some images of a capture.
 
-    Left out, and counted in `skipped`: background, shadowed (attached and cast, with the edge of cast shadows, and
-    too dark for the sensor), saturated (in any channel), rim (pixels that may mix object and background).
+    Left out, and counted in `skipped`: background, shadowed (attached and cast, with the edge of cast shadows; on a
+    surface known by its normals alone also what is too dark for the sensor), rim (pixels that may mix object and
+    background). Counted as saturated, but not left out: a channel that is says that its radiance is at least so high.
     """
 
     def __init__(
@@ -111,21 +62,19 @@ class Samples:
         scene = self.capture.scene
         surface = scene.surface
         skipped = dict.fromkeys(("background", "shadowed", "saturated", "rim", "redundant"), 0)
-        usable_bits, unseen_bits = [], []
+        usable_bits = []
         for image in self.images:
             usable = ~surface.rim
             skipped["background"] += surface.shape[0] * surface.shape[1] - len(surface)
             skipped["rim"] += int(surface.rim.sum())
-            below, above = self._clipped(image)
-            dark = usable & (below.all(axis=1) | ~self._lit(image))
+            dark = usable & (self._dark(image) | ~self._lit(image))
             usable &= ~dark
             skipped["shadowed"] += int(dark.sum())
-            skipped["saturated"] += int((usable & above).sum())
-            usable &= ~above
+            saturated = self.capture.encoding.saturated(self.capture.stored[image]).any(axis=1)
+            skipped["saturated"] += int((usable & saturated).sum())
             usable_bits.append(np.packbits(usable))
-            unseen_bits.append(np.packbits(below, axis=0) if below[usable].any() else None)
         counts = [int(np.bitwise_count(bits).sum()) for bits in usable_bits]
-        return _Selection(usable_bits, unseen_bits, counts, skipped)
+        return _Selection(usable_bits, counts, skipped)
 
     def _lit(self, image: int) -> np.ndarray:
         """True where some light, or ambient light, reaches the pixel, and no shadow edge crosses it."""
@@ -140,28 +89,18 @@ class Samples:
         edge = scene.shadow_edge[image] if scene.shadow_edge else None
         return lit if edge is None else lit & ~edge
 
-    def _clipped(self, image: int) -> tuple[np.ndarray, np.ndarray]:
-        """True where the sensor cuts off noise at its lower end [N, C], and at its upper end in any channel [N].
+    def _dark(self, image: int) -> np.ndarray:
+        """True where no channel is above the noise: in shadow, where nothing says which pixels are [N].
 
         Judged by the mean of 3×3 pixels: chosen by the noisy pixel itself, what is left over would be biased.
         """
         capture = self.capture
-        encoding, noise, stored = capture.encoding, capture.noise, capture.stored[image]
         surface = capture.scene.surface
-        below = np.zeros(stored.shape, dtype=bool)
-        above = np.asarray(encoding.saturated(stored).any(axis=1))
-        if stored.dtype.kind != "u":
-            return below, above
-        # As the sensor saw it: black level in, flat field not yet divided out.
-        linear = encoding.signal(stored, slice(None)) * (1.0 if encoding.flat is None else encoding.flat)
-        linear = surface.image((linear + encoding.black).astype(np.float32))
-        mean = cv2.blur(linear, (3, 3)).reshape(-1, stored.shape[1])[surface.pixels]
-        below = mean < _CLIP_MARGIN * noise.read
-        if encoding.saturation is not None:
-            top = float(encoding.linear(np.array(encoding.saturation)))
-            spread = float(np.sqrt(noise.read**2 + noise.gain * top))
-            above |= (mean > top - _CLIP_MARGIN * spread).any(axis=1)
-        return below, above
+        if surface.mesh is not None or surface.convex:
+            return np.zeros(len(surface), dtype=bool)
+        signal = surface.image(capture.encoding.signal(capture.stored[image], slice(None)).astype(np.float32))
+        mean = cv2.blur(signal, (3, 3)).reshape(-1, capture.channels)[surface.pixels]
+        return (mean < _DARK * capture.noise.read).all(axis=1)
 
     @property
     def skipped(self) -> dict[str, int]:
@@ -188,18 +127,27 @@ class Samples:
             points=capture.scene.points(image, chosen, dtype=self.dtype, device=self.device),
             radiance=as_tensor(capture.radiance(image, index), self.dtype, self.device),
             readout=self._readout(image, index),
-            seen=self._seen(image, index),
+            limits=self._limits(image, index),
+            clipped=self._clipped(image, index),
             cluster=cluster,
             pixels=chosen.to(self.device),
         )
 
-    def _seen(self, image: int, index: np.ndarray) -> Tensor | None:
-        unseen = self._selection.unseen[self.images.index(image)]
-        if unseen is None:
+    def _clipped(self, image: int, index: np.ndarray) -> Tensor | None:
+        stored = self.capture.stored[image][index]
+        saturated = self.capture.encoding.saturated(stored)
+        clipped = saturated.astype(np.int8)
+        if stored.dtype.kind == "u":
+            clipped -= stored == 0
+        return torch.from_numpy(clipped).to(self.device) if clipped.any() else None
+
+    def _limits(self, image: int, index: np.ndarray) -> Limits | None:
+        capture = self.capture
+        ends = capture.encoding.limits(capture.stored[image].dtype, index)
+        if ends is None:
             return None
-        # The bits of these pixels only: unpacking all of them for every tile would cost more than the tile.
-        dark = (unseen[index >> 3] >> (7 - (index & 7)).astype(np.uint8)[:, None]) & 1
-        return as_tensor(1 - dark, self.dtype, self.device)
+        scale = capture.encoding.scale / capture.exposures[image]
+        return Limits(*(as_tensor(end * scale, self.dtype, self.device) for end in ends))
 
     def _readout(self, image: int, index: np.ndarray) -> Readout:
         capture = self.capture
@@ -300,9 +248,15 @@ def _join(parts: list[Batch]) -> Batch:
                 for p, shape in zip(points, shapes, strict=True)
             ]
         )
-    seen = None
-    if any(part.seen is not None for part in parts):
-        seen = torch.cat([torch.ones_like(part.radiance) if part.seen is None else part.seen for part in parts])
+    clipped, limits = None, None
+    if any(part.clipped is not None for part in parts):
+        clipped = torch.cat(
+            [torch.zeros_like(part.radiance, dtype=torch.int8) if part.clipped is None else part.clipped
+             for part in parts]
+        )  # fmt: skip
+    if parts[0].limits is not None:
+        ends = [[value.expand(part.radiance.shape) for value in part.limits or ()] for part in parts]
+        limits = Limits(*(torch.cat(column) for column in zip(*ends, strict=True)))
     readouts = [[value.expand(len(part), -1) for value in part.readout] for part in parts]
     return Batch(
         points=Points(
@@ -313,7 +267,8 @@ def _join(parts: list[Batch]) -> Batch:
         ),
         radiance=torch.cat([part.radiance for part in parts]),
         readout=Readout(*(torch.cat(column) for column in zip(*readouts, strict=True))),
-        seen=seen,
+        limits=limits,
+        clipped=clipped,
         pixels=torch.cat([part.pixels for part in parts if part.pixels is not None]),
     )
 

@@ -11,14 +11,17 @@ from torch import Tensor
 
 from matest.capture import Batch, Samples
 from matest.estimators.levenberg_marquardt import Evaluate, Solution, minimise
-from matest.estimators.linearise import accumulate, in_memory, single_threaded_torch
+from matest.estimators.linearise import Linearisation, accumulate, in_memory, single_threaded_torch
 from matest.estimators.pilot import pilot
 from matest.estimators.problem import Problem
 from matest.estimators.search import search
 from matest.estimators.separable import compress, separates
 
 _PILOT, _SEARCH = 24_000, 4_000
-_REWEIGHTINGS = 2
+# Expansions of the likelihood about the last optimum, until they move it by less than so many standard errors.
+_EXPANSIONS, _SETTLED = 8, 0.05
+# Median of |N(0, 1)|.
+_MEDIAN_DEVIATION = 0.6745
 _GAUGE_ROUNDS = 6
 _PILOT_PASSES, _FULL_PASSES = 60, 20
 
@@ -42,13 +45,18 @@ def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = N
         problem, starts = found.problem, found.starts()
 
     def descend(problem: Problem, start: Tensor, reference: Tensor | None) -> Solution:
-        evaluate = _passes(problem, tiles, start, reference)
-        return minimise(problem, start, evaluate, passes=_PILOT_PASSES, tolerance=0.01)
+        misfit = 1.0 if reference is None else typical_residual(problem, batches, reference)
+        evaluate = _passes(problem, tiles, start, reference, misfit)
+        found = minimise(problem, start, evaluate, passes=_PILOT_PASSES, tolerance=0.01)
+        return replace(found, misfit=misfit)
 
     solutions = (descend(problem, start, None) for start in starts)
-    best = min(solutions, key=lambda solution: solution.statistics.total("chi2"))
-    for _ in range(_REWEIGHTINGS):
-        best = descend(best.problem, best.unknowns, best.unknowns)
+    best = min(solutions, key=lambda solution: solution.statistics.total("cost"))
+    for _ in range(_EXPANSIONS):
+        before, best = best.unknowns, descend(best.problem, best.unknowns, best.unknowns)
+        change = best.unknowns - before
+        if float(change @ best.statistics.information @ change) < _SETTLED**2 * best.statistics.misfit:
+            break
     for _ in range(_GAUGE_ROUNDS if problem.gauges else 0):
         # The limit was taken from a fit without the second bounce, which makes albedos too bright and it too low.
         limit = best.problem.limit_of_gauges(best.unknowns)
@@ -57,6 +65,18 @@ def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = N
         wider = replace(best.problem, gauge_limit=limit)
         best = descend(wider, torch.minimum(best.unknowns, wider.upper), best.unknowns)
     return best
+
+
+def typical_residual(problem: Problem, batches: list[Batch], unknowns: Tensor) -> float:
+    """Median residual in standard deviations of the noise, as a multiple of a Gaussian's; at least 1."""
+    linearisation = Linearisation(problem, unknowns, derivatives=False)
+    deviations = []
+    with torch.no_grad():
+        for batch in batches:
+            radiance = linearisation.radiance(batch)
+            deviation = (batch.radiance - radiance).abs() / batch.variance(radiance).sqrt()
+            deviations.append(deviation.flatten() if batch.clipped is None else deviation[batch.clipped == 0])
+    return max(float(torch.cat(deviations).median()) / _MEDIAN_DEVIATION, 1.0)
 
 
 def fit(
@@ -68,8 +88,8 @@ def fit(
 ) -> Solution:
     """The maximum-likelihood estimate from all samples: from the pilot's optimum, passes over everything.
 
-    From there one Gauss-Newton step has the full efficiency; a second pass proves that it did. Weights stay those of
-    the pilot's optimum: they need not be exact, and fixed ones make χ² a cost that can be compared between passes.
+    From there one Gauss-Newton step has the full efficiency; a second pass proves that it did. The likelihood stays
+    expanded about the pilot's optimum: that need not be exact, and makes its cost one that passes can be compared by.
 
     Args:
         problem: what is estimated.
@@ -82,9 +102,9 @@ def fit(
     pilots = fit_batches(problem, pilot(samples, _PILOT, seed), start)
     reference = pilots.unknowns
     progress("refining over all samples")
-    evaluate = _passes(pilots.problem, AllTiles(samples), reference, reference)
+    evaluate = _passes(pilots.problem, AllTiles(samples), reference, reference, pilots.misfit)
     found = minimise(pilots.problem, reference, evaluate, passes=_FULL_PASSES, tolerance=0.03)
-    return replace(found, unknowns=found.problem.wrapped(found.unknowns))
+    return replace(found, unknowns=found.problem.wrapped(found.unknowns), misfit=pilots.misfit)
 
 
 @dataclass(frozen=True)
@@ -99,9 +119,13 @@ class AllTiles:
 
 
 def _passes(
-    problem: Problem, tiles: Iterable[Sequence[Callable[[], Batch]]], origin: Tensor, reference: Tensor | None
+    problem: Problem,
+    tiles: Iterable[Sequence[Callable[[], Batch]]],
+    origin: Tensor,
+    reference: Tensor | None,
+    misfit: float,
 ) -> Evaluate:
     """Statistics at any unknowns near `origin`: by a pass each, or from a single one where the model separates."""
     if separates(problem):
-        return compress(problem, tiles, origin, reference).statistics
-    return partial(accumulate, problem, tiles=tiles, reference=reference)
+        return compress(problem, tiles, origin, reference, misfit).statistics
+    return partial(accumulate, problem, tiles=tiles, reference=reference, misfit=misfit)

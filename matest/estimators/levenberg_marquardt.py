@@ -31,6 +31,7 @@ class Solution:
         iterations: passes over the samples.
         last_step: length of the last step, in standard errors.
         converged: whether that is small.
+        misfit: typical residual in standard deviations of the noise, by which outliers were judged.
     """
 
     problem: Problem
@@ -39,6 +40,7 @@ class Solution:
     iterations: int
     last_step: float
     converged: bool
+    misfit: float = 1.0
 
 
 def at_bound(problem: Problem, unknowns: Tensor, gradient: Tensor) -> Tensor:
@@ -126,11 +128,11 @@ def minimise(problem: Problem, start: Tensor, evaluate: Evaluate, *, passes: int
         if step.length < tolerance:
             # The step itself is free: where it leads, the next one would be shorter by its square.
             return Solution(problem, unknowns + share * step.change, statistics, iteration, step.length, True)
-        chi2 = statistics.total("chi2")
+        chi2 = statistics.total("cost")
         promise = share * step.slope - share**2 * step.curvature
         target = unknowns + share * step.change
         tried = evaluate(target)
-        drop = chi2 - tried.total("chi2")
+        drop = chi2 - tried.total("cost")
         if drop > 0:
             # Residuals of a model that does not hold bend χ² more than Gauss-Newton sees; the next step allows for it.
             bend = (share * step.slope - drop) / (share**2 * step.curvature)

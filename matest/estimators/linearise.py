@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields
 from functools import partial
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import torch
 from torch import Tensor
@@ -18,6 +18,7 @@ from torch import Tensor
 from matest.brdf import Term
 from matest.brdf.base import factor_slope, factor_value, named_by
 from matest.capture import Batch
+from matest.capture.batch import Working
 from matest.directions import Directions
 from matest.estimators.problem import Problem
 from matest.shader import check_sky, gathered_light, interpolate, lit_directions, sky_nodes, sky_terms
@@ -177,35 +178,62 @@ def derivative(
 
 @dataclass(frozen=True)
 class Sums:
-    """Additive statistics of some samples: JᵀWJ [P, P], JᵀWr [P], rᵀWr and counts, double precision."""
+    """Additive statistics of some samples, double precision.
+
+    Attributes:
+        information: JᵀWJ [P, P].
+        gradient: JᵀWr [P].
+        cost: rᵀWr of all values, what a fit minimises.
+        chi2: rᵀWr of the plain values: measured well inside the sensor's range, and no outliers.
+        values: number of these.
+        outliers: number of plain values of weight 0.
+        squared_residual: rᵀr of the values of `chi2`.
+        squared_signal: yᵀy of them.
+        samples: number of samples.
+    """
 
     information: Tensor
     gradient: Tensor
+    cost: float
     chi2: float
     values: int
+    outliers: int
     squared_residual: float
     squared_signal: float
     samples: int
 
     @classmethod
-    def of(cls, signal: Tensor, weight: Tensor, residual: Tensor, jacobian: Tensor, selectors: Tensor) -> Sums:
-        """Statistics of a tile: signal, weight and residual [n, C], Jacobian [Q, n, C], selectors [C, Q, P]."""
+    def of(cls, working: Working, radiance: Tensor, jacobian: Tensor, selectors: Tensor) -> Sums:
+        """Statistics of a tile: model radiance [n, C], Jacobian [Q, n, C], selectors [C, Q, P]."""
+        residual = working.response - radiance
         columns = jacobian.permute(2, 0, 1)
-        weighted = columns * weight.T[:, None]
+        weighted = columns * working.weight.T[:, None]
         normal = (weighted @ columns.mT).double().cpu()
         slope = (weighted @ residual.T[..., None]).double().cpu()
         return cls(
             information=(selectors.mT @ normal @ selectors).sum(0),
             gradient=(selectors.mT @ slope).sum(0)[:, 0],
-            chi2=float((weight * residual.square()).sum(dtype=torch.float64)),
-            values=int((weight > 0).sum()),
-            squared_residual=float(((weight > 0) * residual.square()).sum(dtype=torch.float64)),
-            squared_signal=float(((weight > 0) * signal.square()).sum(dtype=torch.float64)),
-            samples=len(signal),
+            **scores(working, residual),
         )
 
     def __add__(self, other: Sums) -> Sums:
         return Sums(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
+
+
+def scores(working: Working, residual: Tensor) -> dict[str, Any]:
+    """The scalars of `Sums` for residuals [n, C]."""
+    weighted = working.weight * residual.square()
+    counted = working.plain & (working.weight > 0)
+    values = int(counted.sum())
+    return {
+        "cost": float(weighted.sum(dtype=torch.float64)),
+        "chi2": float((weighted * counted).sum(dtype=torch.float64)),
+        "values": values,
+        "outliers": int(working.plain.sum()) - values,
+        "squared_residual": float((counted * residual.square()).sum(dtype=torch.float64)),
+        "squared_signal": float((counted * working.response.square()).sum(dtype=torch.float64)),
+        "samples": len(residual),
+    }
 
 
 @dataclass
@@ -230,6 +258,12 @@ class Statistics:
     def misfit(self) -> float:
         """χ² per value, at least 1: how much larger the residuals are than the noise."""
         return max(self.reduced_chi2, 1.0)
+
+    @property
+    def outliers(self) -> float:
+        """Share of outliers among the values that a goodness of fit is judged by."""
+        rejected = self.total("outliers")
+        return rejected / max(rejected + self.total("values"), 1)
 
     @property
     def relative_rmse(self) -> float:
@@ -258,6 +292,7 @@ def accumulate(
     unknowns: Tensor,
     tiles: Iterable[Sequence[Callable[[], Batch]]],
     reference: Tensor | None,
+    misfit: float = 1.0,
 ) -> Statistics:
     """One pass: the additive statistics at `unknowns`.
 
@@ -268,8 +303,9 @@ def accumulate(
         problem: what is estimated.
         unknowns: u [P], float64.
         tiles: groups of functions that give a tile each; a group is worked on at once.
-        reference: weights follow from the noise at the model's radiance for these unknowns; None: at the measured
-            radiance (only a first guess: it favours pixels that noise made dark).
+        reference: the likelihood is expanded about the model's radiance for these unknowns (`Batch.working`); None:
+            about the measured radiance, for a first guess.
+        misfit: see `Batch.working`.
     """
     linearisation = Linearisation(problem, unknowns)
     same = reference is not None and torch.equal(reference, unknowns)
@@ -280,10 +316,12 @@ def accumulate(
         with torch.no_grad():
             batch = tile()
             radiance, jacobian = linearisation.radiance_and_jacobian(batch)
-            weight = batch.weight(weighing.radiance(batch) if weighing else radiance if same else batch.radiance)
-            residual = batch.radiance - radiance
+            if reference is None:
+                working = batch.measured()
+            else:
+                working = batch.working(weighing.radiance(batch) if weighing else radiance, misfit)
             return [
-                (cluster, Sums.of(batch.radiance[part], weight[part], residual[part], jacobian[:, part], selectors))
+                (cluster, Sums.of(part_of(working, part), radiance[part], jacobian[:, part], selectors))
                 for cluster, part in blocks(batch)
             ]
 
@@ -300,6 +338,10 @@ def walk(
     with single_threaded_torch(), ThreadPoolExecutor(processors()) as pool:
         for group in tiles:
             yield from itertools.chain.from_iterable(pool.map(work, group))
+
+
+def part_of(working: Working, part: slice) -> Working:
+    return Working(*(value[part] for value in working))
 
 
 def blocks(batch: Batch) -> Iterator[tuple[int, slice]]:

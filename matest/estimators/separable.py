@@ -14,8 +14,18 @@ from torch import Tensor
 
 from matest.brdf import Term
 from matest.capture import Batch
+from matest.capture.batch import Working
 from matest.directions import Directions
-from matest.estimators.linearise import Statistics, Sums, blocks, derivative, product, walk
+from matest.estimators.linearise import (
+    Statistics,
+    Sums,
+    blocks,
+    derivative,
+    part_of,
+    product,
+    scores,
+    walk,
+)
 from matest.estimators.problem import Problem
 from matest.shader import check_sky, gathered_light, interpolate, lit_directions, sky_nodes, sky_terms
 
@@ -104,35 +114,28 @@ class Moments:
     Attributes:
         gram: ΦᵀWΦ [C, K, K].
         moment: ΦᵀWr [C, K].
-        chi2: rᵀWr.
-        squared_residual: rᵀr over the values that count.
-        squared_signal: yᵀy over them.
-        values: their number.
-        samples: number of samples.
+        cost, chi2, values, outliers, squared_residual, squared_signal, samples: as in `Sums`.
     """
 
     gram: Tensor
     moment: Tensor
+    cost: float
     chi2: float
+    values: int
+    outliers: int
     squared_residual: float
     squared_signal: float
-    values: int
     samples: int
 
     @classmethod
-    def of(cls, images: Tensor, signal: Tensor, weight: Tensor, residual: Tensor) -> Moments:
-        """Of images [C, n, K] and signal, weight and residual [n, C]."""
-        counts = (weight > 0).to(weight)
-        weighted = images * weight.T[..., None]
+    def of(cls, images: Tensor, working: Working, residual: Tensor) -> Moments:
+        """Of images [C, n, K] and residuals [n, C]."""
+        weighted = images * working.weight.T[..., None]
         columns = residual.T[..., None]
         return cls(
             gram=(weighted.mT @ images).double().cpu(),
             moment=(weighted.mT @ columns)[..., 0].double().cpu(),
-            chi2=float((weight * residual.square()).sum(dtype=torch.float64)),
-            squared_residual=float((counts * residual.square()).sum(dtype=torch.float64)),
-            squared_signal=float((counts * signal.square()).sum(dtype=torch.float64)),
-            values=int(counts.sum(dtype=torch.float64)),
-            samples=len(signal),
+            **scores(working, residual),
         )
 
     def __add__(self, other: Moments) -> Moments:
@@ -166,11 +169,14 @@ class Compressed:
         out = Statistics()
         for label, own in self.clusters.items():
             moved = (own.gram @ change[..., None])[..., 0]
+            rise = float((change * (moved - 2 * own.moment)).sum())
             sums = Sums(
                 information=(slopes.mT @ own.gram @ slopes).sum(0),
                 gradient=(slopes.mT @ (own.moment - moved)[..., None]).sum(0)[:, 0],
-                chi2=own.chi2 + float((change * (moved - 2 * own.moment)).sum()),
+                cost=own.cost + rise,
+                chi2=own.chi2 + rise,
                 values=own.values,
+                outliers=own.outliers,
                 squared_residual=own.squared_residual,
                 squared_signal=own.squared_signal,
                 samples=own.samples,
@@ -184,6 +190,7 @@ def compress(
     tiles: Iterable[Sequence[Callable[[], Batch]]],
     origin: Tensor | None,
     reference: Tensor | None,
+    misfit: float = 1.0,
 ) -> Compressed:
     """One walk over the samples of a problem that `separates`; tiles as in `accumulate`.
 
@@ -192,7 +199,8 @@ def compress(
         tiles: groups of functions that give a tile each; a group is worked on at once.
         origin: u [P] near the optimum, from which residuals are taken: they keep their digits. Light whose reflectance
             there is below zero gives nothing. None: the measured radiance itself.
-        reference: weights follow from the noise at the model's radiance for these unknowns; None: at the measured.
+        reference: the likelihood is expanded about the model's radiance for these unknowns; None: about the measured.
+        misfit: see `Batch.working`.
     """
     images = _Images(problem, coefficients(problem, origin).total if origin is not None else None)
     weighing = coefficients(problem, reference).total if reference is not None else None
@@ -201,15 +209,14 @@ def compress(
         with torch.no_grad():
             batch = tile()
             columns = images.of(batch)
-            like = batch.radiance
 
             def radiance(total: Tensor) -> Tensor:
                 return (columns @ total.to(columns)[..., None])[..., 0].T
 
-            weight = batch.weight(like if weighing is None else radiance(weighing))
-            residual = like if images.origin is None else like - radiance(images.origin)
+            working = batch.measured() if weighing is None else batch.working(radiance(weighing), misfit)
+            residual = working.response if images.origin is None else working.response - radiance(images.origin)
             return [
-                (cluster, Moments.of(columns[:, part], like[part], weight[part], residual[part]))
+                (cluster, Moments.of(columns[:, part], part_of(working, part), residual[part]))
                 for cluster, part in blocks(batch)
             ]
 

@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from matest.capture import Capture, Samples
+from matest.error_bars import known_by_ratio, reported_name
 from matest.errors import InputError
 from matest.identifiability.forecast import Forecast, as_estimated, forecast, unknowns_at, usable
 from matest.identifiability.next_light import NextLight, next_light
@@ -150,7 +151,7 @@ def check(
     capture, told = plan.capture, constraints or Constraints()
     own = plan.material if plan.material is not None and model in (None, plan.material.expression) else None
     expression = own.expression if own is not None else model or DEFAULT_MODEL
-    specification = specify(expression, told, channels=capture.channels, relative=capture.relative)
+    specification = specify(expression, told, channels=capture.channels, relative=capture.relative, scene=capture.scene)
     fixed = {resolve(specification.problem.brdf, name) for name in told.fix}
     scene = {} if own is None else {name: value for name, value in own.parameters.items() if name not in fixed}
     given = scene | _assumed(specification, at or {})
@@ -267,8 +268,11 @@ def _predictions(spread: Sequence[Forecast], why: Reasons, why_held: Reasons) ->
     out = {}
     found, problem = spread[0], spread[0].problem
     values = problem.values(found.unknowns)
+    by_ratio = {reported_name(problem, name): name for name in problem.free if known_by_ratio(problem, name)}
     for name, estimate in found.estimates().items():
-        source = problem.ties.get(name, name)
+        if name not in values and name not in by_ratio:
+            continue
+        source = problem.ties.get(name, by_ratio.get(name, name))
         status, std, relative, among, reason = estimate.status, estimate.std, None, None, ""
         if source in problem.where:
             place = problem.where[source]
@@ -279,9 +283,11 @@ def _predictions(spread: Sequence[Forecast], why: Reasons, why_held: Reasons) ->
             status = "weak" if status == "determined" and relative > _WEAK else status
             reason = why.of(source) if status in ("weak", "not determined") else why.locked(source) or ""
             relative = None if lost else relative
+            if known_by_ratio(problem, name):
+                among, reason = None, f"only {reported_name(problem, name)} is seen without coherent light"
         elif source in why_held.problem.where:
             status, reason = "held", why_held.of(source)
-        value = values[name].tolist()
+        value = estimate.value if name in by_ratio else values[name].tolist()
         out[name] = Prediction(value, std, relative, among, estimate.unit, status, reason)
     return out
 
@@ -296,20 +302,22 @@ def _among(relative: Sequence[float]) -> tuple[float, float | None] | None:
 def _advice(before: Forecast, light: NextLight) -> LightAdvice:
     then, now = before.estimates(), light.after.estimates()
     free = before.problem.free
-    gain = {}
+    told = {name: reported_name(before.problem, name) for name in free}
+    gain: dict[str, float | None] = {}
     for name in free:
         place = before.problem.where[name]
         ratio = float((before.std[place] / light.after.std[place]).max())
-        gain[name] = ratio if math.isfinite(ratio) and not _lost(then[name]) and not _lost(now[name]) else None
+        known = math.isfinite(ratio) and not _lost(then[told[name]]) and not _lost(now[told[name]])
+        gain[told[name]] = ratio if known else None
     return LightAdvice(
         direction=light.direction,
         from_camera=light.from_camera,
         azimuth=light.azimuth,
         irradiance=light.irradiance,
-        std={name: now[name].std for name in free},
+        std={name: now[name].std for name in told.values()},
         worst=(before.worst[1], light.after.worst[1]),
         gain=gain,
-        resolves=[name for name in free if _lost(then[name]) and not _lost(now[name])],
+        resolves=[name for name in told.values() if _lost(then[name]) and not _lost(now[name])],
     )
 
 
@@ -329,7 +337,7 @@ def _warnings(plan: Plan, samples: Samples, own: bool) -> list[str]:
         out.append(f"Image {', '.join(dark)} gives no usable pixel: its light is behind the object, or it is clipped.")
     clipped = samples.skipped["saturated"]
     if clipped:
-        out.append(f"{clipped:,} pixels are predicted to be saturated and left out.")
+        out.append(f"{clipped:,} pixels are predicted to be saturated: they tell little.")
     if capture.scene.surface.mesh is None:
         out.append("No mesh: cast shadows are unknown and left out of account.")
     return out

@@ -84,7 +84,8 @@ class Forecast:
         problem = self.problem
         everything = torch.ones(problem.size, dtype=torch.bool)
         covariance = fisher(self.information, everything)
-        sums = Sums(self.information, torch.zeros(problem.size).double(), 0.0, self.values, 0.0, 1.0, self.values)
+        none = torch.zeros(problem.size).double()
+        sums = Sums(self.information, none, 0.0, 0.0, self.values, 0, 0.0, 1.0, self.values)
         solution = Solution(problem, self.unknowns, Statistics({0: sums}), 1, 0.0, True)
         bars = ErrorBars(covariance, covariance, ~everything, 1.0, 1.0, True, "fisher")
         return parameter_estimates(solution, bars)

@@ -33,6 +33,7 @@ class Surface:
         mesh: that mesh.
         coverage: share of the mask's pixels in which there is a surface.
         eye: position of a perspective camera, [3]; None for a distant viewer.
+        convex: known not to shadow itself, without a mesh that says so.
     """
 
     shape: tuple[int, int]
@@ -45,6 +46,7 @@ class Surface:
     mesh: Mesh | None = None
     coverage: float = 1.0
     eye: Tensor | None = None
+    convex: bool = False
 
     def __post_init__(self) -> None:
         if self.eye is not None and self.positions is not None:
@@ -183,6 +185,7 @@ def from_sphere(shape: tuple[int, int], centre: tuple[float, float], radius: flo
         view=torch.tensor([[0.0, 0.0, 1.0]], dtype=torch.float64),
         positions=torch.from_numpy(normals.copy()),
         rim=_rim(shape, pixels),
+        convex=True,
     )
 
 

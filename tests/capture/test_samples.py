@@ -69,6 +69,11 @@ def sorted_rows(*parts: torch.Tensor) -> np.ndarray:
     return rows[np.lexsort(rows.T)]
 
 
+def left_out(samples):
+    """Saturated pixels are counted, but serve as bounds."""
+    return sum(count for reason, count in samples.skipped.items() if reason != "saturated")
+
+
 @pytest.mark.parametrize("images", [None, (0,), (2, 0)])
 def test_every_pixel_is_a_sample_or_counted_as_skipped(images):
     saturated = Encoding(saturation=0.3)
@@ -78,13 +83,13 @@ def test_every_pixel_is_a_sample_or_counted_as_skipped(images):
     ):
         samples = capture.samples(images)
         count = len(capture) if images is None else len(images)
-        assert sum(samples.skipped.values()) + len(samples) == count * 32 * 32
+        assert left_out(samples) + len(samples) == count * 32 * 32
         assert set(samples.skipped) == {"background", "shadowed", "saturated", "rim", "redundant"}
 
 
 def test_every_pixel_of_a_scene_with_cast_shadows_is_accounted_for():
     samples = photograph(plate_scene(), encoding=Encoding(saturation=0.4)).samples()
-    assert sum(samples.skipped.values()) + len(samples) == 2 * 40 * 50
+    assert left_out(samples) + len(samples) == 2 * 40 * 50
     assert samples.skipped["saturated"] > 0
 
 
@@ -121,15 +126,19 @@ def test_an_even_sky_lights_every_pixel():
 
 
 @pytest.mark.parametrize("full", [None, 65535])
-def test_saturation_in_any_channel_drops_the_pixel(full):
+def test_saturated_channels_are_bounds_and_the_others_values(full):
     scene = sphere_scene(((LEFT,),), (0.0,))
     capture = photograph(scene, full, encoding=Encoding(saturation=0.2), noise=Noise(1e-6, 0.0))
     samples = capture.samples()
-    assert samples.skipped["saturated"] > 20
-    kept = capture.radiance(0, samples.indices(0))
-    assert kept.max() <= 0.2
-    assert (kept[:, 1] > 0.15).any()
-    assert kept[:, 0].max() < 0.17  # the green channel saturates first
+    batch = samples.at(0, samples.indices(0))
+    assert batch.clipped.amin() == 0
+    assert samples.skipped["saturated"] == int((batch.clipped == 1).any(1).sum()) > 20
+    assert ((batch.radiance > 0.2) == (batch.clipped == 1)).all()
+    step = 1e-6 if full is None else 1 / full
+    assert float(batch.limits.upper) == pytest.approx(0.2, abs=step)
+    # The green channel saturates first.
+    assert (batch.clipped[:, 1] > batch.clipped[:, 0]).any()
+    assert (batch.clipped[:, 1] >= batch.clipped[:, 0]).all()
 
 
 def test_a_flat_field_does_not_change_which_pixels_are_saturated():
@@ -150,7 +159,8 @@ def test_an_object_that_is_black_in_one_channel_still_gives_samples():
 
 
 @pytest.mark.parametrize("black", [0.0, 0.08])
-def test_samples_near_the_end_of_the_range_are_not_biased(black):
+def test_the_ends_of_the_range_do_not_bias_the_likelihood(black):
+    """Both ends clip some of the noise; the score at the truth is zero but for chance, and as uncertain as it says."""
     power = [1.35 * math.pi / albedo for albedo in (0.7, 0.5, 0.3)]
     scene = sphere_scene(((directional((0.0, 0.3, 1.0), *power),),), (0.0,), 320)
     truth = render(scene, MATERIAL, dtype=torch.float64).numpy().reshape(-1, 3)[scene.surface.pixels]
@@ -159,13 +169,21 @@ def test_samples_near_the_end_of_the_range_are_not_biased(black):
     noisy = truth + spread * np.random.default_rng(4).normal(size=truth.shape)
     stored = np.round(65535 * (noisy + black).clip(0, 1)).astype(np.uint16)
     encoding = Encoding(black=black, saturation=1.0)
-    samples = photograph(scene, 65535, stored=(stored,), noise=noise, encoding=encoding).samples()
+    samples = photograph(scene, 65535, stored=(stored,), noise=noise, encoding=encoding).samples(dtype=torch.float64)
     index = samples.indices(0)
-    residual = (samples.at(0, index).radiance.numpy() - truth[index]) / spread[index]
-    for near_the_end in (truth[index] > 0.8 - black, truth[index] < 0.15):
+    batch = samples.at(0, index)
+    reference = torch.from_numpy(truth[index])
+    response, weight, plain = batch.working(reference)
+    score = weight * (response - reference)
+    for near_the_end in (truth[index] > 0.9 - black, truth[index] < 0.15):
+        here = torch.from_numpy(near_the_end)
+        clipped = (batch.clipped[here] != 0).double().mean()
         assert near_the_end.sum() > 1000
-        assert abs(residual[near_the_end].mean()) < 4 / math.sqrt(near_the_end.sum())
-        assert residual[near_the_end].std() == pytest.approx(1, abs=0.05)
+        assert clipped > 0.02 or black
+        assert abs(score[here].sum()) < 4 * weight[here].sum().sqrt()
+        assert float(score[here].square().sum() / weight[here].sum()) == pytest.approx(1, abs=0.05)
+    residual = ((response - reference).square() * weight)[plain]
+    assert float(residual.mean()) == pytest.approx(1, abs=0.02)
 
 
 @pytest.mark.parametrize("size", [100, 257, 10_000])

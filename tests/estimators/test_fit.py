@@ -31,11 +31,11 @@ MATERIALS = [
 
 
 def weighted_residuals(chosen: Problem, batch: Batch, weights_at: Tensor) -> Callable[[np.ndarray], np.ndarray]:
-    weight = batch.weight(shade(chosen.material(weights_at), batch.points)).sqrt()
+    response, weight, _ = batch.working(shade(chosen.material(weights_at), batch.points))
 
     def residuals(unknowns: np.ndarray) -> np.ndarray:
         model = shade(chosen.material(torch.from_numpy(unknowns)), batch.points)
-        return (weight * (batch.radiance - model)).reshape(-1).numpy()
+        return (weight.sqrt() * (response - model)).reshape(-1).numpy()
 
     return residuals
 

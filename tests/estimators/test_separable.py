@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from matest.capture import Batch
-from matest.capture.samples import Readout
+from matest.capture.batch import Readout
 from matest.estimators.linearise import accumulate, in_memory
 from matest.estimators.problem import Problem
 from matest.estimators.search import _evaluated, _separated
