@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 import torch
@@ -122,9 +123,19 @@ def option(default: str, *, choices: tuple[str, ...], doc: str) -> Any:
 
 def parameters_of(model: type) -> dict[str, Parameter]:
     """Declared parameters of a model class, in order of declaration."""
-    return {f.name: f.metadata[_KEY] for f in dataclasses.fields(model) if isinstance(f.metadata.get(_KEY), Parameter)}
+    return _parameters_of(model)
 
 
 def options_of(model: type) -> dict[str, tuple[str, ...]]:
     """Options of a model class and their choices."""
+    return _options_of(model)
+
+
+@cache
+def _parameters_of(model: type) -> dict[str, Parameter]:
+    return {f.name: f.metadata[_KEY] for f in dataclasses.fields(model) if isinstance(f.metadata.get(_KEY), Parameter)}
+
+
+@cache
+def _options_of(model: type) -> dict[str, tuple[str, ...]]:
     return {f.name: f.metadata[_KEY] for f in dataclasses.fields(model) if isinstance(f.metadata.get(_KEY), tuple)}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from functools import cache, cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import torch
@@ -109,9 +110,8 @@ class Brdf:
     @property
     def declared(self) -> dict[str, Parameter]:
         """Declarations by name (in a sum: by path, `lambert.albedo`) of the parameters that exist under the options."""
-        options = {name: getattr(self, name) for name in options_of(type(self))}
-        found = {name: declared.under(options) for name, declared in parameters_of(type(self)).items()}
-        return {name: declared for name, declared in found.items() if declared is not None}
+        kind: type = type(self)
+        return _declared(kind, tuple((name, getattr(self, name)) for name in options_of(kind)))
 
     @property
     def parameters(self) -> dict[str, Tensor]:
@@ -222,7 +222,7 @@ class Sum(Brdf):
     def _by_name(self) -> dict[str, Brdf]:
         return {component.name: component for component in self.components}
 
-    @property
+    @cached_property
     def declared(self) -> dict[str, Parameter]:
         return {f"{name}.{key}": value for name, part in self._by_name.items() for key, value in part.declared.items()}
 
@@ -261,6 +261,12 @@ def absent(brdf: Brdf, name: str) -> str | None:
             needed = " and ".join(f"{option}={' or '.join(values)}" for option, values in declared.when.items())
             return f"{part.name} has no parameter {name.rpartition('.')[2]} with these options; it needs {needed}."
     return None
+
+
+@cache
+def _declared(kind: type, options: tuple[tuple[str, str], ...]) -> dict[str, Parameter]:
+    found = {name: declared.under(dict(options)) for name, declared in parameters_of(kind).items()}
+    return {name: declared for name, declared in found.items() if declared is not None}
 
 
 def _as_choice(value: Any) -> Any:

@@ -49,8 +49,7 @@ class Linearisation:
         self._values = problem.values(unknowns)
         self._derivatives = derivatives
         # A value per channel of anything but a factor makes every shape per channel.
-        shapes = {name for name in problem.brdf.declared if name not in problem.brdf.factors}
-        self._width = max((value.numel() for name, value in self._values.items() if name in shapes), default=1)
+        self._width = max((self._values[name].numel() for name in problem.shaping), default=1)
         self._sky: tuple[Tensor, dict[str, Tensor]] | None = None
 
     def basis(self, batch: Batch, *, cut: bool = True) -> Basis:

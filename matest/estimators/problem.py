@@ -51,6 +51,11 @@ class Problem:
         return tuple(name for name in self.free if name not in self._factors)
 
     @cached_property
+    def shaping(self) -> tuple[str, ...]:
+        """Parameters, free or not, that the shapes depend on."""
+        return tuple(name for name in self.brdf.declared if self.ties.get(name, name) not in self._factors)
+
+    @cached_property
     def _factors(self) -> set[str]:
         return {self.ties.get(name, name) for name in self.brdf.factors}
 

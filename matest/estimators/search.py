@@ -6,6 +6,7 @@ import itertools
 import math
 from dataclasses import dataclass, replace
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -148,12 +149,10 @@ def _with_shapes(problem: Problem, shapes: tuple[float, ...]) -> Tensor:
 def _minima(cost: Tensor, count: int) -> list[int]:
     """Flat indices of the lowest local minima of a grid, lowest first."""
     order = cost.flatten().argsort().tolist()
-    shape = cost.shape
+    places = np.stack(np.unravel_index(np.arange(cost.numel()), cost.shape), axis=-1)
     chosen: list[int] = []
     for node in order:
-        place = torch.tensor([int(i) for i in torch.unravel_index(torch.tensor(node), shape)])
-        others = [torch.tensor([int(i) for i in torch.unravel_index(torch.tensor(o), shape)]) for o in chosen]
-        if all(int((place - other).abs().max()) > 2 for other in others):
+        if all(np.abs(places[node] - places[other]).max() > 2 for other in chosen):
             chosen.append(node)
         if len(chosen) == count:
             break
