@@ -43,21 +43,12 @@ class Directions:
         return self._wo[2]
 
     @cached_property
-    def sin2_i(self) -> Tensor:
-        """sin²θi, accurate near the normal."""
-        return _sine2(self._wi)
-
-    @cached_property
-    def sin2_o(self) -> Tensor:
-        return _sine2(self._wo)
-
-    @cached_property
     def sin_i(self) -> Tensor:
-        return self.sin2_i.sqrt()
+        return _sine(self._wi)
 
     @cached_property
     def sin_o(self) -> Tensor:
-        return self.sin2_o.sqrt()
+        return _sine(self._wo)
 
     @cached_property
     def theta_i(self) -> Tensor:
@@ -126,15 +117,6 @@ class Directions:
         """1 − cos θh = sin²θh/(1 + cos θh) with 4 sin²θh = |L − V|²: accurate where L and V are close."""
         squares = [(a - b).square() for a, b in zip(self._wi, self._wo, strict=True)]
         return 0.25 * (squares[0] + squares[1] + squares[2]) / (1 + self.cos_d)
-
-    @cached_property
-    def short_i(self) -> Tensor:
-        """1 − cos θi, accurate near the normal."""
-        return self.sin2_i / (1 + self.cos_i)
-
-    @cached_property
-    def short_o(self) -> Tensor:
-        return self.sin2_o / (1 + self.cos_o)
 
     @cached_property
     def half_slopes(self) -> tuple[Tensor, Tensor]:
@@ -212,5 +194,5 @@ def to_local(normal: Tensor, *vectors: Tensor) -> list[Tensor]:
     return [torch.stack([(axis * vector).sum(-1) for axis in frame], dim=-1) for vector in vectors]
 
 
-def _sine2(vector: tuple[Tensor, ...]) -> Tensor:
-    return (vector[0] * vector[0] + vector[1] * vector[1]).clamp(min=_SIN2_FLOOR)
+def _sine(vector: tuple[Tensor, ...]) -> Tensor:
+    return (vector[0] * vector[0] + vector[1] * vector[1]).clamp(min=_SIN2_FLOOR).sqrt()

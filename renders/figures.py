@@ -9,11 +9,11 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from papers import cook_torrance, li_torrance, oren_nayar
+from papers import cook_torrance, li_torrance, oren_nayar, white_furnace
 from papers.drawing import Entry
 
 HERE = Path(__file__).parent / "figures"
-FIGURES: dict[str, Entry] = oren_nayar.FIGURES | cook_torrance.FIGURES | li_torrance.FIGURES
+FIGURES: dict[str, Entry] = oren_nayar.FIGURES | cook_torrance.FIGURES | li_torrance.FIGURES | white_furnace.FIGURES
 
 
 def main(names: list[str]) -> None:

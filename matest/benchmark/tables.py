@@ -40,10 +40,14 @@ def models_table(records: list[Record]) -> Group:
         "Passes: numbers that operations write, per pair. Time per pass: tiled forward / (passes × the pass above). "
         "Own passes: the time of the same operations alone."
     )
-    return Group(Text(about), "", times, "", Text(legend), "", passes, *_table4(published, dropped), *_notes(records))
+    return Group(
+        Text(about), "", times, "", Text(legend), "", passes, *table4_tables(published, dropped), *_notes(records)
+    )
 
 
-def _table4(published: dict[str, dict[str, Record]], dropped: dict[str, dict[str, Record]]) -> list[RenderableType]:
+def table4_tables(
+    published: dict[str, dict[str, Record]], dropped: dict[str, dict[str, Record]]
+) -> list[RenderableType]:
     """Cost of every model and the error of its fit, and what leaving out a component saves."""
     costs = _table("Table 4", "paper", *table4.SAMPLES, "error\nof fit", "", "", "")
     unit = table4.PUBLISHED[table4.UNIT][0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from functools import cache, cached_property
 from typing import Any, ClassVar, NamedTuple
@@ -184,9 +185,9 @@ class Brdf:
         values = self.parameters
         total: Tensor | float = 0.0
         for factors, shape, *_ in self.terms(directions):
-            for factor in factors:
-                shape = shape * factor_value(factor, values)
-            total = total + shape
+            # Factors first: one pass over the directions a term.
+            scale = math.prod((factor_value(factor, values) for factor in factors), start=1.0)
+            total = total + shape * scale
         # Fitted polynomials dip below zero near double grazing; a reflectance cannot.
         return torch.as_tensor(total).clamp(min=0)
 

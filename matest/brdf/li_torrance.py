@@ -234,19 +234,19 @@ def _directional(lobe: Tensor, directions: Directions) -> tuple[Term, ...]:
 
 
 def _transmitted(directions: Directions) -> Tensor:
-    """T(θi) T(θr)/(1 − f0)²: Schlick's transmittances of the mean surface, their normal value apart."""
-    d = directions
-    return _entered(d.cos_i, d.short_i) * _entered(d.cos_o, d.short_o)
+    """T(θi) T(θr)/(π (1 − f0)²): Schlick's transmittances of the mean surface, their normal value apart."""
+    return _entered(directions.cos_i) * _entered(directions.cos_o) / math.pi
 
 
-def _entered(cos: Tensor, short: Tensor) -> Tensor:
-    """1 − (1 − cos θ)⁵, `short` = 1 − cos θ, without cancellation at grazing."""
+def _entered(cos: Tensor) -> Tensor:
+    """1 − (1 − cos θ)⁵, without cancellation at grazing."""
+    short = 1 - cos
     square = short * short
     return cos * ((1 + short) * (1 + square) + square * square)
 
 
 def _subsurface(entered: Tensor) -> Term:
-    return Term(("k_uds", rest_of("f0"), rest_of("f0")), entered / math.pi)
+    return Term(("k_uds", rest_of("f0"), rest_of("f0")), entered)
 
 
 def _forward(roughness: Roughness, directions: Directions, entered: Tensor, law: str) -> Term:
@@ -256,7 +256,7 @@ def _forward(roughness: Roughness, directions: Directions, entered: Tensor, law:
     if law == "reciprocal":
         exponent = 0.5 * (exponent + _tan2(ahead, d.crosswise, d.sin_o, d.cos_i) * _inverse(roughness, d, 1))
     # All derivatives vanish where the lobe ends.
-    lobe = decay(exponent) * torch.sign(ahead) * d.short_i * d.short_o * entered / math.pi
+    lobe = decay(exponent) * torch.sign(ahead) * (1 - d.cos_i) * (1 - d.cos_o) * entered
     return Term(("k_fs", rest_of("f0"), rest_of("f0")), lobe)
 
 
