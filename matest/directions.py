@@ -186,12 +186,20 @@ def to_local(normal: Tensor, *vectors: Tensor) -> list[Tensor]:
     The tangent is the projection of the world's x axis (of the y axis where the normal is near x): it varies smoothly
     over an object facing the viewer, and isotropic models do not depend on it.
     """
-    x, y = normal.new_tensor([1.0, 0.0, 0.0]), normal.new_tensor([0.0, 1.0, 0.0])
-    axis = torch.where(normal[..., :1].abs() < 0.9, x, y)
-    tangent = torch.nn.functional.normalize(axis - (axis * normal).sum(-1, keepdim=True) * normal, dim=-1)
-    bitangent = torch.linalg.cross(normal, tangent)
-    frame = (tangent, bitangent, normal)
-    return [torch.stack([(axis * vector).sum(-1) for axis in frame], dim=-1) for vector in vectors]
+    nx, ny, nz = (part.contiguous() for part in normal.unbind(-1))
+    near_x = nx.abs() >= 0.9
+    # The axis along the tangent is x or y: its component of the normal, and 1/sin of the angle between them.
+    along = torch.where(near_x, ny, nx)
+    scale = (1 - along * along).rsqrt()
+    out = []
+    for vector in vectors:
+        vx, vy, vz = vector.unbind(-1)
+        z = nx * vx + ny * vy + nz * vz
+        x = (torch.where(near_x, vy, vx) - along * z) * scale
+        # The bitangent is normal × axis, to that scale.
+        y = torch.where(near_x, nx * vz - nz * vx, nz * vy - ny * vz) * scale
+        out.append(torch.stack([x, y, z], dim=-1))
+    return out
 
 
 def _sine(vector: tuple[Tensor, ...]) -> Tensor:

@@ -114,12 +114,15 @@ class Batch:
                 outliers are judged by it.
         """
         variance = self.variance(reference)
-        std = variance.sqrt()
-        deviation = (self.radiance - reference).abs() / (misfit * std)
-        weight = _trust(deviation) / variance
+        weight = 1 / variance
+        squared = (self.radiance - reference).square() * weight
+        # Most tiles have no outlier, and are nowhere near the ends of the range.
+        if float(squared.max()) > (_TRUSTED * misfit) ** 2:
+            weight = _trust(squared.sqrt() / misfit) * weight
         if self.limits is None:
             return Working(self.radiance, weight, torch.ones_like(weight, dtype=torch.bool))
         lower, upper = self.limits
+        std = variance.sqrt()
         plain = (reference - lower > _CLEAR * std) & (upper - reference > _CLEAR * std)
         if self.clipped is None:
             return Working(self.radiance, weight, plain)

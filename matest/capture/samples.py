@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -59,20 +60,25 @@ class Samples:
 
     @cached_property
     def _selection(self) -> _Selection:
-        scene = self.capture.scene
-        surface = scene.surface
-        skipped = dict.fromkeys(("background", "shadowed", "saturated", "rim", "redundant"), 0)
-        usable_bits = []
-        for image in self.images:
+        surface = self.capture.scene.surface
+        background = surface.shape[0] * surface.shape[1] - len(surface)
+
+        def select(image: int) -> tuple[np.ndarray, int, int]:
             usable = ~surface.rim
-            skipped["background"] += surface.shape[0] * surface.shape[1] - len(surface)
-            skipped["rim"] += int(surface.rim.sum())
             dark = usable & (self._dark(image) | ~self._lit(image))
             usable &= ~dark
-            skipped["shadowed"] += int(dark.sum())
             saturated = self.capture.encoding.saturated(self.capture.stored[image]).any(axis=1)
-            skipped["saturated"] += int((usable & saturated).sum())
-            usable_bits.append(np.packbits(usable))
+            return np.packbits(usable), int(dark.sum()), int((usable & saturated).sum())
+
+        with ThreadPoolExecutor() as pool:
+            usable_bits, dark, saturated = (list(column) for column in zip(*pool.map(select, self.images), strict=True))
+        skipped = {
+            "background": background * len(self.images),
+            "shadowed": sum(dark),
+            "saturated": sum(saturated),
+            "rim": int(surface.rim.sum()) * len(self.images),
+            "redundant": 0,
+        }
         counts = [int(np.bitwise_count(bits).sum()) for bits in usable_bits]
         return _Selection(usable_bits, counts, skipped)
 
@@ -84,7 +90,8 @@ class Samples:
         shadows = scene.shadows[image] if scene.shadows else None
         for number, light in enumerate(scene.lights[image]):
             toward, _ = light.at(surface.positions)
-            faces = ((surface.normals * toward).sum(-1) > 0).numpy()
+            cos = surface.normals @ toward[0] if len(toward) == 1 else (surface.normals * toward).sum(-1)
+            faces = (cos > 0).numpy()
             lit |= faces if shadows is None else faces & ~shadows[number]
         edge = scene.shadow_edge[image] if scene.shadow_edge else None
         return lit if edge is None else lit & ~edge
@@ -135,11 +142,13 @@ class Samples:
 
     def _clipped(self, image: int, index: np.ndarray) -> Tensor | None:
         stored = self.capture.stored[image][index]
-        saturated = self.capture.encoding.saturated(stored)
-        clipped = saturated.astype(np.int8)
-        if stored.dtype.kind == "u":
+        black = stored.dtype.kind == "u" and stored.min(initial=1) == 0
+        if not black and not self.capture.encoding.saturated(stored.max(axis=0, keepdims=True, initial=0)).any():
+            return None
+        clipped = self.capture.encoding.saturated(stored).astype(np.int8)
+        if black:
             clipped -= stored == 0
-        return torch.from_numpy(clipped).to(self.device) if clipped.any() else None
+        return torch.from_numpy(clipped).to(self.device)
 
     def _limits(self, image: int, index: np.ndarray) -> Limits | None:
         capture = self.capture

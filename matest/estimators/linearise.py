@@ -221,16 +221,20 @@ class Sums:
 
 def scores(working: Working, residual: Tensor) -> dict[str, Any]:
     """The scalars of `Sums` for residuals [n, C]."""
-    weighted = working.weight * residual.square()
+    squared, signal = residual.square(), working.response.square()
+    weighted = working.weight * squared
+    cost = float(weighted.sum(dtype=torch.float64))
     counted = working.plain & (working.weight > 0)
     values = int(counted.sum())
+    if values < counted.numel():
+        squared, signal, weighted = squared * counted, signal * counted, weighted * counted
     return {
-        "cost": float(weighted.sum(dtype=torch.float64)),
-        "chi2": float((weighted * counted).sum(dtype=torch.float64)),
+        "cost": cost,
+        "chi2": cost if values == counted.numel() else float(weighted.sum(dtype=torch.float64)),
         "values": values,
         "outliers": int(working.plain.sum()) - values,
-        "squared_residual": float((counted * residual.square()).sum(dtype=torch.float64)),
-        "squared_signal": float((counted * working.response.square()).sum(dtype=torch.float64)),
+        "squared_residual": float(squared.sum()),
+        "squared_signal": float(signal.sum()),
         "samples": len(residual),
     }
 

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from matest.errors import InputError
-from matest.scene.lights import Light
+from matest.scene.lights import Light, PointLight
 from matest.scene.points import Points, illuminate
 from matest.scene.surface import Surface
 from matest.scene.visibility import cast_shadows, shadow_edges, unoccluded_fraction
@@ -103,11 +103,13 @@ class Scene:
             if self.unoccluded is not None:
                 sky = sky * torch.from_numpy(self.unoccluded)[index].to(device, dtype)[:, None]
         shadows = self.shadows[image] if self.shadows else None
+        # A distant light needs no positions.
+        near = any(isinstance(light, PointLight) for light in self.lights[image])
         return illuminate(
-            surface.normals[index].to(device, dtype),
+            surface.normals_as(dtype)[index].to(device),
             surface.toward_viewer(index).to(device, dtype),
             [light.to(dtype, device) for light in self.lights[image]],
-            positions=None if surface.positions is None else surface.positions[index].to(device, dtype),
+            positions=surface.positions[index].to(device, dtype) if near and surface.positions is not None else None,
             ambient=sky,
             blocked=None if shadows is None else torch.from_numpy(shadows)[:, index].to(device),
         )

@@ -62,6 +62,17 @@ class Surface:
         mask.flat[self.pixels] = True
         return mask
 
+    def normals_as(self, dtype: torch.dtype) -> Tensor:
+        """`normals` in another precision; single precision is kept for the next call."""
+        if self.normals.requires_grad or dtype != torch.float32:
+            return self.normals.to(dtype)
+        return self._single_normals
+
+    @cached_property
+    def _single_normals(self) -> Tensor:
+        with torch.inference_mode(False):
+            return self.normals.float()
+
     def toward_viewer(self, index: Tensor | slice = slice(None)) -> Tensor:
         """`view` of some pixels, differentiable in eye and positions that require gradients."""
         moving = any(value is not None and value.requires_grad for value in (self.eye, self.positions))
