@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from matest.benchmark import models, passes
+from matest.benchmark import models, passes, timing
 from matest.benchmark.record import Record
 from matest.brdf import Lambert
 from tests.sampling import named, random_pairs
@@ -75,7 +75,7 @@ def test_sums_over_facets_are_told_from_closed_forms() -> None:
 
 
 def test_directions_are_above_the_horizon() -> None:
-    wi, wo = models._directions(1000)
+    wi, wo = timing.random_directions(1000)
     assert wi.dtype == torch.float32
     assert (wi[:, 2] >= 0).all()
     assert (wo[:, 2] >= 0).all()
