@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from rich.console import RenderableType
 
-from matest.benchmark import models, stress, tables
+from matest.benchmark import efficiency, estimate, memory, models, outliers, peers, stress, tables
 from matest.benchmark.record import Progress, Record
 from matest.errors import InputError, nearest
 
@@ -19,7 +19,15 @@ class Suite(NamedTuple):
     table: Callable[[list[Record]], RenderableType]
 
 
-SUITES = {"models": Suite(models.run, tables.models_table), "stress": Suite(stress.run, tables.stress_table)}
+SUITES = {
+    "models": Suite(models.run, tables.models_table),
+    "stress": Suite(stress.run, tables.stress_table),
+    "efficiency": Suite(efficiency.run, efficiency.efficiency_table),
+    "outliers": Suite(outliers.run, outliers.outliers_table),
+    "estimate": Suite(estimate.run, estimate.estimate_table),
+    "peers": Suite(peers.run, peers.peers_table),
+    "memory": Suite(memory.run, memory.memory_table),
+}
 
 
 def suites(text: str) -> dict[str, Suite]:

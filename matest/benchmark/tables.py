@@ -17,19 +17,19 @@ _PASSES = ("passes", "time per pass", "time of its own passes")
 
 def models_table(records: list[Record]) -> Group:
     """Times of every model: tile by tile, in one call, compiled; then its element-wise passes; then Table 4."""
-    cases = _by_case(records)
+    cases = by_case(records)
     published = {case: cases.pop(case) for case in list(cases) if case.startswith(table4.CASE)}
     dropped = {case: cases.pop(case) for case in list(cases) if case.startswith(table4.WITHOUT)}
     threads = cases.pop("all")["threads"].value
-    times = _table("", "forward\nns", "forward\npasses", "+backward\nns", "+backward\npasses", "ratio")
-    passes = _table("", "passes", "time\nper pass", "time /\nown passes")
+    times = ruled("", "forward\nns", "forward\npasses", "+backward\nns", "+backward\npasses", "ratio")
+    passes = ruled("", "passes", "time\nper pass", "time /\nown passes")
     for case, found in cases.items():
-        times.add_row(_name(case))
+        times.add_row(case_name(case))
         for mode in ("tiled", "one call", "compiled"):
             row = [found.get(f"{mode} {metric}") for metric in _METRICS]
             if any(row):
-                times.add_row(f"  {mode}", *map(_figure, row))
-        passes.add_row(_name(case), *(_figure(found[metric]) for metric in _PASSES))
+                times.add_row(f"  {mode}", *map(figure, row))
+        passes.add_row(case_name(case), *(figure(found[metric]) for metric in _PASSES))
     pairs = max(found["pairs"].value or 0 for found in cases.values())
     about = (
         f"{pairs:,} pairs of directions (a tenth for sums over facets), float32, threads: {threads}. "
@@ -41,7 +41,7 @@ def models_table(records: list[Record]) -> Group:
         "Own passes: the time of the same operations alone."
     )
     return Group(
-        Text(about), "", times, "", Text(legend), "", passes, *table4_tables(published, dropped), *_notes(records)
+        Text(about), "", times, "", Text(legend), "", passes, *table4_tables(published, dropped), *notes(records)
     )
 
 
@@ -49,19 +49,19 @@ def table4_tables(
     published: dict[str, dict[str, Record]], dropped: dict[str, dict[str, Record]]
 ) -> list[RenderableType]:
     """Cost of every model and the error of its fit, and what leaving out a component saves."""
-    costs = _table("Table 4", "paper", *table4.SAMPLES, "error\nof fit", "", "", "")
+    costs = ruled("Table 4", "paper", *table4.SAMPLES, "error\nof fit", "", "", "")
     unit = table4.PUBLISHED[table4.UNIT][0]
     for name, seconds in table4.PUBLISHED.items():
         found = published[f"{table4.CASE}{name}"]
         paper = " - ".join(f"{second / unit:.1f}" for second in dict.fromkeys(seconds))
         errors = [f"{found[f'{sample} error of fit'].value:.0%}" for sample in table4.SAMPLES]
-        row = [_figure(found[f"{sample} cost"]) for sample in table4.SAMPLES]
-        costs.add_row(_name(name), paper, *row, *errors)
+        row = [figure(found[f"{sample} cost"]) for sample in table4.SAMPLES]
+        costs.add_row(case_name(name), paper, *row, *errors)
     ours = published[f"{table4.CASE}{table4.OURS}"]
-    rival = _table("", *table4.SAMPLES)
+    rival = ruled("", *table4.SAMPLES)
     needed = (ours[f"{sample} needed components"] for sample in table4.SAMPLES)
-    rival.add_row(Text(f"{table4.OURS} / {table4.RIVAL}"), *map(_figure, needed))
-    savings = _table("li-torrance without", "time saved", "its share\nof the passes")
+    rival.add_row(Text(f"{table4.OURS} / {table4.RIVAL}"), *map(figure, needed))
+    savings = ruled("li-torrance without", "time saved", "its share\nof the passes")
     for case, found in dropped.items():
         saved, share = found["time saved"].value, found["share of the passes"].value
         savings.add_row(Text(case.removeprefix(table4.WITHOUT)), f"{saved:.1%}", f"{share:.1%}")
@@ -75,14 +75,14 @@ def table4_tables(
 
 def stress_table(records: list[Record]) -> Group:
     """Non-finite results of every model in both precisions, the error of float32, and where the failures were."""
-    cases = _by_case(records)
-    table = _table("non-finite", *(kind.replace(" derivatives", "") for kind in stress.KINDS), "float32\nerror")
+    cases = by_case(records)
+    table = ruled("non-finite", *(kind.replace(" derivatives", "") for kind in stress.KINDS), "float32\nerror")
     for case, found in cases.items():
-        table.add_row(_name(case))
+        table.add_row(case_name(case))
         for dtype in ("float32", "float64"):
             counts = [found[f"{dtype} non-finite {kind}"] for kind in stress.KINDS]
             error = [found["float32 error"]] if dtype == "float32" else []
-            table.add_row(f"  {dtype}", *map(_figure, [*counts, *error]))
+            table.add_row(f"  {dtype}", *map(figure, [*counts, *error]))
     points = max(found["points"].value or 0 for found in cases.values())
     shares = ", ".join(
         f"{kind.removesuffix(' derivatives')} at 1 in {share}" for kind, (_, share) in stress.KINDS.items() if share > 1
@@ -92,17 +92,17 @@ def stress_table(records: list[Record]) -> Group:
         f"finite. Error of float32 against float64 as a multiple of the one allowed: {precision.RELATIVE:g} relative "
         f"or {precision.OF_PEAK:g} of the peak."
     )
-    return Group(Text(about), "", table, *_notes(records))
+    return Group(Text(about), "", table, *notes(records))
 
 
-def _by_case(records: list[Record]) -> dict[str, dict[str, Record]]:
+def by_case(records: list[Record]) -> dict[str, dict[str, Record]]:
     cases: dict[str, dict[str, Record]] = {}
     for record in records:
         cases.setdefault(record.case, {})[record.metric] = record
     return cases
 
 
-def _table(first: str, *columns: str) -> Table:
+def ruled(first: str, *columns: str) -> Table:
     table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
     table.add_column(first, no_wrap=True)
     for column in columns:
@@ -110,19 +110,19 @@ def _table(first: str, *columns: str) -> Table:
     return table
 
 
-def _name(case: str) -> Text:
+def case_name(case: str) -> Text:
     """The expression of a model, its options on a line of their own."""
     return Text(case.replace("(", "\n  (", 1), style="bold")
 
 
-def _figure(record: Record | None) -> Text:
+def figure(record: Record | None) -> Text:
     if record is None or record.value is None:
         return Text("")
     whole = isinstance(record.value, int) or 100 <= record.value < 1e6
     return Text(f"{record.value:,.0f}" if whole else f"{record.value:.3g}", style="red" if record.misses else "")
 
 
-def _notes(records: list[Record]) -> list[Text]:
+def notes(records: list[Record]) -> list[Text]:
     """What missed its limit, and where; and what could not be measured."""
     lines = [Text("")]
     for record in records:

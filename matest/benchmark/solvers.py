@@ -1,0 +1,114 @@
+"""General solvers on the torch shader, as a good user of them would write it."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from matest.benchmark.task import Task, Trace, Values
+from matest.shader import shade
+from matest.trainable import Trainable
+
+# Adam: this many steps within reach of the optimum end a run.
+_SETTLED = 30
+_LBFGS_ITERATIONS = 200
+
+
+def adam(task: Task, optimum: Values, rate: float, batch: int | None, limit: float) -> Trace:
+    """Adam on all samples at every step, or on mini-batches of `batch` in random order.
+
+    The run ends when it has settled or after `limit` seconds.
+    """
+    trace = Trace()
+    module = _module(task)
+    optimiser = torch.optim.Adam(module.parameters(), lr=rate)
+    generator = torch.Generator().manual_seed(0)
+    while True:
+        order = None if batch is None else torch.randperm(len(task.radiance), generator=generator)
+        for part in [task] if order is None or batch is None else (task[index] for index in order.split(batch)):
+            loss = part.cost(module())
+            optimiser.zero_grad()
+            loss.backward()
+            optimiser.step()
+            trace.add(_values(module, task))
+            if trace.settled(optimum, _SETTLED) or trace.elapsed > limit:
+                return trace
+
+
+def lbfgs(task: Task) -> Trace:
+    """L-BFGS with strong-Wolfe line search; at any time it hands over what had the lowest cost."""
+    trace = Trace()
+    module = _module(task)
+    optimiser = torch.optim.LBFGS(module.parameters(), max_iter=_LBFGS_ITERATIONS, line_search_fn="strong_wolfe")
+    lowest = torch.inf
+
+    def closure() -> Tensor:
+        nonlocal lowest
+        optimiser.zero_grad()
+        loss = task.cost(module())
+        loss.backward()
+        if loss.item() < lowest:
+            lowest = loss.item()
+            trace.add(_values(module, task))
+        return loss
+
+    optimiser.step(closure)
+    return trace
+
+
+def least_squares(task: Task) -> Trace:
+    """scipy's trust-region reflective solver with bounds and the Jacobian of torch's forward mode."""
+    from scipy.optimize import least_squares as solve
+
+    trace = Trace()
+    channels = task.radiance.shape[1]
+    declared = task.start.declared
+    sizes = [channels if declared[name].per_channel else 1 for name in task.free]
+    root = task.weight.sqrt()
+    base = task.start.to(task.radiance.dtype, "cpu")
+
+    def unpack(x: Tensor) -> Values:
+        return dict(zip(task.free, x.split(sizes), strict=True))
+
+    def residual(x: Tensor) -> Tensor:
+        return (root * (shade(base.replace(unpack(x)), task.points) - task.radiance)).flatten()
+
+    def cast(x: object) -> Tensor:
+        return torch.as_tensor(x, dtype=task.radiance.dtype)
+
+    def jacobian(x: object) -> object:
+        # It is asked for where a step has been taken.
+        trace.add(unpack(cast(x)))
+        return torch.func.jacfwd(residual)(cast(x)).double().numpy()
+
+    def function(x: object) -> object:
+        with torch.no_grad():
+            return residual(cast(x)).double().numpy()
+
+    start = torch.cat([base.parameters[name].expand(n) for name, n in zip(task.free, sizes, strict=True)])
+    ends = [
+        [getattr(declared[name].domain, end) for name, n in zip(task.free, sizes, strict=True) for _ in range(n)]
+        for end in ("lower", "upper")
+    ]
+    found = solve(function, start.double().numpy(), jac=jacobian, bounds=ends, method="trf", x_scale="jac")
+    trace.add(unpack(cast(found.x)))
+    return trace
+
+
+def _module(task: Task) -> Trainable:
+    channels = task.radiance.shape[1]
+    spread = {
+        name: task.start.parameters[name].expand(channels)
+        for name in task.free
+        if task.start.declared[name].per_channel
+    }
+    fixed = tuple(
+        name for name, declared in task.start.declared.items() if name not in task.free and not declared.gauge
+    )
+    return Trainable(task.start.replace(spread), fixed=fixed)
+
+
+def _values(module: Trainable, task: Task) -> Values:
+    with torch.no_grad():
+        found = module().parameters
+    return {name: found[name] for name in task.free}

@@ -1,0 +1,111 @@
+"""The peers solve the same problem: they reach the optimum that matest reaches."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+from rich.console import Console
+
+from matest.benchmark import SUITES, hand_written, peers, solvers
+from matest.benchmark.photographs import MATERIALS
+from matest.benchmark.task import Task, Trace, distance
+from matest.shader import shade
+
+SIZE = 24
+MODELS = tuple(peers.HAND_WRITTEN)
+
+
+@pytest.fixture(autouse=True)
+def _one_thread():
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+def task_of(expression: str) -> Task:
+    return peers.samples(expression, SIZE)[1]
+
+
+@pytest.mark.parametrize("expression", MODELS)
+def test_hand_written_radiance_is_the_shader_s(expression: str) -> None:
+    task = task_of(expression).double()
+    written = peers.HAND_WRITTEN[expression](task.points)
+    truth = {name: torch.tensor(value, dtype=torch.float64) for name, value in MATERIALS[expression].items()}
+    amplitudes = torch.stack([truth[name] for name in written.amplitudes])
+    radiance, _ = written.evaluate(amplitudes, truth[written.shape])
+    torch.testing.assert_close(radiance, shade(task.start.replace(truth), task.points), rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize("expression", MODELS)
+def test_hand_written_jacobian_is_that_of_differences(expression: str) -> None:
+    written = peers.HAND_WRITTEN[expression](task_of(expression).double().points)
+    amplitudes = torch.tensor([[0.6, 0.4, 0.2], [0.5, 0.7, 0.9]], dtype=torch.float64)[: len(written.amplitudes)]
+    shape, step = torch.tensor(0.3, dtype=torch.float64), 1e-6
+    _, jacobian = written.evaluate(amplitudes, shape)
+    for row in range(len(amplitudes) + 1):
+        change = torch.zeros_like(amplitudes)
+        bend = torch.zeros_like(shape)
+        if row < len(amplitudes):
+            change[row] = step
+        else:
+            bend = bend + step
+        above, below = (written.evaluate(amplitudes + s * change, shape + s * bend)[0] for s in (1, -1))
+        expected = (above - below) / (2 * step)
+        torch.testing.assert_close(jacobian[row].expand_as(expected), expected, rtol=1e-5, atol=1e-7)
+
+
+@pytest.mark.parametrize("expression", MODELS)
+def test_every_peer_reaches_the_optimum_from_the_middle_of_the_domain(expression: str) -> None:
+    task = task_of(expression)
+    prepare = peers.HAND_WRITTEN[expression]
+    optimum = peers.best(task, prepare)
+    assert distance(task.start.parameters, optimum) > 0.1
+    for trace in (
+        solvers.lbfgs(task),
+        solvers.least_squares(task),
+        hand_written.levenberg_marquardt(task, prepare),
+        solvers.adam(task, optimum, 0.1, None, 30.0),
+        solvers.adam(task, optimum, 0.03, 2000, 30.0),
+    ):
+        assert distance(trace.values[-1], optimum) < 0.01
+        assert trace.arrival(optimum) is not None
+
+
+def test_every_figure_is_there_and_matest_is_at_the_optimum(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(peers, "SIZE_QUICK", SIZE)
+    monkeypatch.setattr(peers, "PATIENCE_QUICK", 0.3)
+    monkeypatch.setattr(peers, "RATES", (0.1,))
+    monkeypatch.setattr(peers, "BATCHES", (None,))
+    monkeypatch.setattr(peers, "ROUNDS", 1)
+    found = list(SUITES["peers"].run(True, lambda *_: None))
+    by_metric = {(record.case, record.metric): record for record in found}
+    assert len(by_metric) == len(found)
+    for case in MODELS:
+        assert by_metric[case, "distance"].value < 0.01
+        for peer, limit in {"adam": 50, "l-bfgs": 15, "least_squares": 15, "levenberg-marquardt": 2}.items():
+            ratio, seconds = by_metric[case, f"{peer} / matest"], by_metric[case, peer]
+            assert (ratio.limit, ratio.better) == (limit, "higher")
+            if seconds.value is None:
+                assert ratio.value is None
+                assert "never within 1%" in ratio.note
+            else:
+                assert ratio.value == pytest.approx(seconds.value / by_metric[case, "matest"].value)
+    terminal = Console(width=80, record=True)
+    terminal.print(SUITES["peers"].table(found))
+    shown = terminal.export_text()
+    assert "…" not in shown
+    assert all(name in shown for name in ("least_squares", "l-bfgs", "adam", *MODELS))
+
+
+def test_arrival_is_when_the_parameters_come_to_stay() -> None:
+    optimum = {"sigma": torch.tensor(0.5)}
+    trace = Trace(seconds=[1.0, 2.0, 3.0, 4.0], values=[{"sigma": torch.tensor(s)} for s in (0.5, 0.4, 0.502, 0.497)])
+    assert trace.arrival(optimum) == 3.0
+    assert trace.settled(optimum, 2)
+    assert not trace.settled(optimum, 3)
+    trace.seconds.append(5.0)
+    trace.values.append({"sigma": torch.tensor(math.nan)})
+    assert trace.arrival(optimum) is None
