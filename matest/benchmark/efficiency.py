@@ -87,4 +87,4 @@ def _with_interval(metrics: dict[str, Record], name: str) -> Text:
     value, low, high = (metrics[key].value or 0.0 for key in (name, f"{name}, from", f"{name}, to"))
     # Error bars that are too wide miss a limit of their own.
     missed = any(record.misses for metric, record in metrics.items() if metric.partition(",")[0] == name)
-    return Text.assemble((f"{value:.3g}", "red" if missed else ""), f" ({low:.3g} to {high:.3g})")
+    return Text.assemble((f"{value:.3g}", "red" if missed else ""), f" ({low:.3g}, {high:.3g})")

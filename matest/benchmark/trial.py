@@ -117,7 +117,11 @@ def trial(expression: str, seed: int, conditions: Conditions = CLEAN, grid: bool
     """
     # Images are too small to be worth several threads.
     with single_threaded_torch():
-        return _trial(draw(expression, seed), conditions, grid)
+        try:
+            return _trial(draw(expression, seed), conditions, grid)
+        except Exception as error:
+            error.add_note(f"in the capture of {expression} with seed {seed}, {conditions}")
+            raise
 
 
 def described(found: Trial) -> str:

@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
 from typing import Any
 
 import pytest
 from rich.console import Console
 
-import matest
 from matest.benchmark import SUITES, efficiency, outliers
 from matest.benchmark import trial as trials
-from matest.benchmark.optimum import excess
-from matest.benchmark.simulated import CLEAN, draw
 from matest.benchmark.trial import trial
-from matest.identifiability.forecast import unknowns_at
-from matest.specification import Constraints, specify
 
 
 class Here:
@@ -72,48 +65,18 @@ def test_a_capture_seen_again_is_the_one_of_the_suite() -> None:
     assert outliers.again("lambert", 1) != efficiency.again("lambert", 1)
 
 
-@pytest.mark.parametrize("expression", ["oren-nayar", "cook-torrance", "li-torrance"])
-def test_a_clean_capture_is_estimated_to_a_few_bounds_at_the_global_optimum(expression: str) -> None:
-    found = trial(expression, 1)
-    assert len(found.figures) >= 2
-    assert found.worst < 5
-    assert found.excess is not None
-    assert found.excess < 0.5
-
-
-def test_a_slope_is_compared_as_the_ratio_that_is_reported() -> None:
-    found = trial("li-torrance", 1, grid=False).only("slope_ratio")
-    length = float(draw("li-torrance", 1).material.parameters["correlation_length"])
-    assert found.figures[0].truth == pytest.approx(1 / length)
-    assert math.isfinite(found.figures[0].error)
-
-
-def test_an_estimator_that_is_off_by_ten_bounds_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
-    honest = trial("lambert", 1).figures[0]
-    found = matest.estimate
-
-    def biased(*arguments: Any, **options: Any) -> matest.Estimate:
-        outcome = found(*arguments, **options)
-        albedo = outcome.parameters["albedo"]
-        moved = replace(albedo, value=[value + 10 * honest.bound for value in albedo.value])
-        return replace(outcome, parameters={"albedo": moved})
-
-    monkeypatch.setattr(trials.matest, "estimate", biased)
-    assert trial("lambert", 1).figures[0].error == pytest.approx(honest.error + 10)
-
-
-@pytest.mark.parametrize("expression", ["oren-nayar", "cook-torrance"])
-def test_the_grid_finds_what_a_fit_stuck_elsewhere_has_missed(expression: str) -> None:
-    drawn = draw(expression, 1)
-    capture = drawn.photograph(CLEAN)
-    held = {"f0": 0.04} if expression == "cook-torrance" else {}
-    problem = specify(expression, Constraints(fix=held), channels=capture.channels, relative=False).problem
-    truth = unknowns_at(problem, drawn.material.parameters)
-    stuck = truth.clone()
-    stuck[problem.where[problem.shapes[0]]] *= 2
-    assert excess(problem, stuck, capture.samples()) > 100
-    # The truth itself is about one unit a parameter above the optimum, and the grid only near it.
-    assert excess(problem, truth, capture.samples()) < 20
+@pytest.mark.parametrize("scale", [0.9876, 123.4])
+def test_the_table_fits_the_longest_names_and_figures(scale: float) -> None:
+    errors = [scale * error for error in (-1.234, 1.111, 0.123, -0.777)]
+    figures = [trials.Figure("slope_ratio", 0.5, 0.1, 0.5 + 0.1 * error, (0.4, 0.6)) for error in errors]
+    name = "oren-nayar-exact"
+    several = [trials.Trial(name, seed, (one,) * 9, 0.0, "fisher", "") for seed, one in enumerate(figures)]
+    found = list(efficiency.records("efficiency", name, several, efficiency.TARGETS))
+    terminal = Console(width=80, record=True)
+    terminal.print(efficiency.efficiency_table(found))
+    shown = terminal.export_text()
+    assert "…" not in shown
+    assert name in shown
 
 
 def test_a_record_without_any_figure_says_so_instead_of_failing() -> None:

@@ -1,0 +1,24 @@
+"""A dense grid tells the global optimum from any other."""
+
+from __future__ import annotations
+
+import pytest
+
+from matest.benchmark.optimum import excess
+from matest.benchmark.simulated import CLEAN, draw
+from matest.identifiability.forecast import unknowns_at
+from matest.specification import Constraints, specify
+
+
+@pytest.mark.parametrize("expression", ["oren-nayar", "cook-torrance"])
+def test_the_grid_finds_what_a_fit_stuck_elsewhere_has_missed(expression: str) -> None:
+    drawn = draw(expression, 1)
+    capture = drawn.photograph(CLEAN)
+    held = {"f0": 0.04} if expression == "cook-torrance" else {}
+    problem = specify(expression, Constraints(fix=held), channels=capture.channels, relative=False).problem
+    truth = unknowns_at(problem, drawn.material.parameters)
+    stuck = truth.clone()
+    stuck[problem.where[problem.shapes[0]]] *= 2
+    assert excess(problem, stuck, capture.samples()) > 100
+    # The truth itself is about one unit a parameter above the optimum, and the grid only near it.
+    assert excess(problem, truth, capture.samples()) < 20
