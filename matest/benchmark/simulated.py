@@ -52,8 +52,7 @@ class Conditions:
     Attributes:
         bits: of the images, 8 or 16, linear.
         outliers: share of the pixels that hold a value drawn evenly from the range of the sensor.
-        saturated: share of the lit pixels that are brighter than the sensor can tell; without noise none is darker
-            than black.
+        saturated: share of the lit pixels that are brighter than the sensor can tell; 0 exposes for the brightest.
     """
 
     bits: int = 16

@@ -10,7 +10,7 @@ from matest.shader import shade
 from matest.trainable import Trainable
 
 # Adam: this many steps within reach of the optimum end a run.
-_SETTLED = 30
+SETTLED = 30
 _LBFGS_ITERATIONS = 200
 
 
@@ -31,7 +31,7 @@ def adam(task: Task, optimum: Values, rate: float, batch: int | None, limit: flo
             loss.backward()
             optimiser.step()
             trace.add(_values(module, task))
-            if trace.settled(optimum, _SETTLED) or trace.elapsed > limit:
+            if trace.settled(optimum, SETTLED) or trace.elapsed > limit:
                 return trace
 
 
