@@ -61,8 +61,6 @@ def samples(expression: str, size: int) -> tuple[Capture, Task]:
     batch = next(found.batches(len(found)))
     # The peers know the true noise, and start in the middle of the domain.
     weight = batch.weight(shade(material, batch.points))
-    if batch.seen is not None:
-        weight = weight * batch.seen
     free = tuple(name for name in material.declared if name in values and name != "f0")
     middle = {name: (d.domain.lower + d.domain.upper) / 2 for name in free if (d := material.declared[name])}
     return capture, Task(model(expression)[0].replace(middle), free, batch.points, batch.radiance, weight)

@@ -20,7 +20,7 @@ from matest.scene import Points
 if TYPE_CHECKING:
     from matest.capture.capture import Capture
 
-TILE = 16_384
+TILE = 65_536
 # Where cast shadows are unknown, a pixel counts only where its surroundings are this much read noise above black.
 _DARK = 3.0
 # Samples are grouped into blocks of pixels, whose errors may be correlated: this many across and down an image.
