@@ -13,7 +13,7 @@ from matest.scene import Points
 
 # Residuals up to so many standard deviations count in full, those beyond the second not at all: of Gaussian noise only
 # one value in 16,000 lies between, so that nothing is lost where there are no outliers.
-_TRUSTED, _REJECTED = 4.0, 6.0
+_TRUSTED, REJECTED = 4.0, 6.0
 # A value that may have been clipped, closer to the end of the sensor's range than this, says little of the fit.
 _CLEAR = 3.0
 _LOG_ROOT_TWO_PI = 0.5 * math.log(2 * math.pi)
@@ -94,12 +94,12 @@ class Batch:
         return weight if self.clipped is None else weight * (self.clipped == 0)
 
     def measured(self) -> Working:
-        """The problem for a first guess: variances at the measured radiance, clipped values left out.
+        """The problem for a first guess: variances at the measured radiance, clipped values taken as measured.
 
-        It favours pixels that noise made dark.
+        It favours pixels that noise made dark; a highlight that is saturated is lower than it should be, but there.
         """
-        weight = self.weight(self.radiance)
-        return Working(self.radiance, weight, weight > 0)
+        weight = 1 / self.variance(self.radiance)
+        return Working(self.radiance, weight, torch.ones_like(weight, dtype=torch.bool))
 
     def working(self, reference: Tensor, misfit: float = 1.0) -> Working:
         """The problem whose solution is, to second order, the maximum of the likelihood.
@@ -139,4 +139,4 @@ class Batch:
 
 
 def _trust(deviation: Tensor) -> Tensor:
-    return ((_REJECTED - deviation) / (_REJECTED - _TRUSTED)).clamp(0, 1)
+    return ((REJECTED - deviation) / (REJECTED - _TRUSTED)).clamp(0, 1)

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from matest.capture import Batch, Samples
+from matest.capture.batch import REJECTED
 from matest.estimators.levenberg_marquardt import Evaluate, Solution, minimise
 from matest.estimators.linearise import Linearisation, accumulate, in_memory, single_threaded_torch
 from matest.estimators.pilot import pilot
@@ -20,6 +21,8 @@ from matest.estimators.separable import compress, separates
 _PILOT, _SEARCH = 24_000, 4_000
 # Expansions of the likelihood about the last optimum, until they move it by less than so many standard errors.
 _EXPANSIONS, _SETTLED = 8, 0.05
+# First guesses further apart are followed each to its end.
+_DISTINCT = 1.0
 # Median of |N(0, 1)|.
 _MEDIAN_DEVIATION = 0.6745
 _GAUGE_ROUNDS = 6
@@ -50,13 +53,18 @@ def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = N
         found = minimise(problem, start, evaluate, passes=_PILOT_PASSES, tolerance=0.01)
         return replace(found, misfit=misfit)
 
-    solutions = (descend(problem, start, None) for start in starts)
-    best = min(solutions, key=lambda solution: solution.statistics.total("cost"))
-    for _ in range(_EXPANSIONS):
-        before, best = best.unknowns, descend(best.problem, best.unknowns, best.unknowns)
-        change = best.unknowns - before
-        if float(change @ best.statistics.information @ change) < _SETTLED**2 * best.statistics.misfit:
-            break
+    def settle(found: Solution) -> Solution:
+        for _ in range(_EXPANSIONS):
+            before, found = found, descend(found.problem, found.unknowns, found.unknowns)
+            if distance(found, before) < _SETTLED:
+                break
+        return found
+
+    guesses: list[Solution] = []
+    for guess in sorted((descend(problem, start, None) for start in starts), key=implausibility):
+        if all(distance(other, guess) > _DISTINCT for other in guesses):
+            guesses.append(guess)
+    best = min((settle(guess) for guess in guesses), key=implausibility)
     for _ in range(_GAUGE_ROUNDS if problem.gauges else 0):
         # The limit was taken from a fit without the second bounce, which makes albedos too bright and it too low.
         limit = best.problem.limit_of_gauges(best.unknowns)
@@ -65,6 +73,17 @@ def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = N
         wider = replace(best.problem, gauge_limit=limit)
         best = descend(wider, torch.minimum(best.unknowns, wider.upper), best.unknowns)
     return best
+
+
+def distance(found: Solution, other: Solution) -> float:
+    """Between two solutions of a problem, in standard errors."""
+    change = other.unknowns - found.unknowns
+    return float((change @ found.statistics.information @ change / found.statistics.misfit).clamp(min=0)) ** 0.5
+
+
+def implausibility(found: Solution) -> float:
+    """The cost that solutions with different outliers are compared by: an outlier counts as one just rejected."""
+    return found.statistics.total("cost") + (REJECTED * found.misfit) ** 2 * found.statistics.total("outliers")
 
 
 def typical_residual(problem: Problem, batches: list[Batch], unknowns: Tensor) -> float:
