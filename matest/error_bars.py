@@ -20,6 +20,10 @@ from matest.uncertainty import Covariance, correlation_of_residuals, fisher, jac
 _HOLDS_STATED, _HOLDS_ESTIMATED = 1.03, 1.10
 # Scores of blocks of pixels that scatter this many times as much as independent residuals' do: not independent.
 _CORRELATED = 2.0
+# With few parameters in few blocks chance does that too: so many times its standard deviation.
+_BY_CHANCE = 5.0
+# An unknown at an end of its domain is held there by the data if they push by so many standard errors.
+_PUSHED = 0.1
 # With fewer images, blocks of pixels serve as clusters; with fewer of those, there is nothing to leave out.
 _MIN_CLUSTERS = 4
 # An amplitude this many standard errors above zero is seen: with a width free to be searched for, and several channels,
@@ -67,15 +71,18 @@ def error_bars(solution: Solution, capture: Capture) -> ErrorBars:
     """Error bars of a solution: Fisher's where the model holds, jackknifed ones where it does not."""
     problem, statistics = solution.problem, solution.statistics
     chi2, scale = statistics.reduced_chi2, statistics.misfit
-    bound = at_bound(problem, solution.unknowns, statistics.gradient)
+    push = statistics.gradient.abs() / (statistics.information.diagonal() * scale).clamp(min=1e-300).sqrt()
+    # A valley that ends at a bound does not push: what lies along it is not determined there either.
+    bound = at_bound(problem, solution.unknowns, statistics.gradient) & (push > _PUSHED)
     everything = torch.ones_like(bound)
     closed, opened = (fisher(statistics.information / scale, free) for free in (~bound, everything))
     blocks = [sums.gradient / scale for sums in statistics.clusters.values()]
-    correlation = correlation_of_residuals(blocks, closed)
+    informations = [sums.information / scale for sums in statistics.clusters.values()]
+    correlation, by_chance = correlation_of_residuals(blocks, informations, closed)
     allowed = (_HOLDS_STATED if capture.noise_given else _HOLDS_ESTIMATED) + 5 * math.sqrt(
         2 / max(statistics.total("values"), 1)
     )
-    holds = chi2 <= allowed and correlation <= _CORRELATED
+    holds = chi2 <= allowed and correlation <= max(_CORRELATED, 1 + _BY_CHANCE * by_chance)
     by_image = statistics.grouped(BLOCKS)
     clusters = by_image if len(by_image.clusters) >= _MIN_CLUSTERS else statistics
     if holds or len(clusters.clusters) < _MIN_CLUSTERS:

@@ -90,7 +90,9 @@ def jackknife(
     return Covariance(matrix, reference.undetermined, degrees=count - 1)
 
 
-def correlation_of_residuals(gradients: Sequence[Tensor], covariance: Covariance) -> float:
+def correlation_of_residuals(
+    gradients: Sequence[Tensor], informations: Sequence[Tensor], covariance: Covariance
+) -> tuple[float, float]:
     """How much more the scores JᵀWr of clusters scatter than independent residuals would: 1 if the model holds.
 
     The mean over parameters of gᵀ A⁻¹ g summed over clusters, A the information: residuals may be as small as the
@@ -99,11 +101,17 @@ def correlation_of_residuals(gradients: Sequence[Tensor], covariance: Covariance
 
     Args:
         gradients: JᵀWr of each cluster [P].
+        informations: JᵀWJ of each cluster [P, P].
         covariance: A⁻¹ over the free parameters.
+
+    Returns:
+        The ratio, and its standard deviation where residuals are independent.
     """
     scores = torch.stack(list(gradients))
-    rank = int((covariance.matrix.diagonal() > 0).sum())
-    return float(((scores @ covariance.matrix) * scores).sum()) / max(rank, 1)
+    rank = max(int((covariance.matrix.diagonal() > 0).sum()), 1)
+    shares = torch.stack(list(informations)) @ covariance.matrix
+    by_chance = math.sqrt(2 * float((shares * shares.mT).sum()))
+    return float(((scores @ covariance.matrix) * scores).sum()) / rank, by_chance / rank
 
 
 def quantile95(degrees: float) -> float:

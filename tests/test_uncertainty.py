@@ -135,13 +135,28 @@ def test_jackknife_keeps_parameters_at_a_bound_and_undetermined_ones_out() -> No
 
 def test_independent_residuals_have_correlation_one() -> None:
     rng = np.random.default_rng(9)
-    scores, total = [], torch.zeros(3, 3, dtype=DOUBLE)
+    scores, informations = [], []
     for _ in range(400):
         x = rng.standard_normal((50, 3))
         scores.append(torch.from_numpy(x.T @ rng.standard_normal(50)))
-        total += torch.from_numpy(x.T @ x)
-    found = correlation_of_residuals(scores, fisher(total, everything(3)))
-    assert found == pytest.approx(1, abs=3 * math.sqrt(2 / (400 * 3)))
+        informations.append(torch.from_numpy(x.T @ x))
+    found, by_chance = correlation_of_residuals(scores, informations, fisher(sum(informations), everything(3)))
+    assert by_chance == pytest.approx(math.sqrt(2 / (400 * 3)), rel=0.05)
+    assert found == pytest.approx(1, abs=3 * by_chance)
+
+
+def test_the_correlation_of_few_blocks_scatters_as_much_as_it_says() -> None:
+    rng = np.random.default_rng(12)
+    blocks = [rng.standard_normal((size, 2)) for size in (400, 100, 30, 10)]
+    informations = [torch.from_numpy(x.T @ x) for x in blocks]
+    covariance = fisher(sum(informations), everything(2))
+    trials = []
+    for _ in range(2000):
+        scores = [torch.from_numpy(x.T @ rng.standard_normal(len(x))) for x in blocks]
+        found, by_chance = correlation_of_residuals(scores, informations, covariance)
+        trials.append(found)
+    assert np.mean(trials) == pytest.approx(1, abs=0.08)
+    assert np.std(trials) == pytest.approx(by_chance, rel=0.1)
 
 
 def test_residuals_that_lean_one_way_over_a_cluster_have_a_large_correlation() -> None:
@@ -152,7 +167,10 @@ def test_residuals_that_lean_one_way_over_a_cluster_have_a_large_correlation() -
         residuals = math.sqrt(0.5) * (rng.standard_normal(50) + rng.standard_normal())
         scores.append(torch.tensor([residuals.sum()]))
         total += 50
-    assert correlation_of_residuals(scores, fisher(total, everything(1))) == pytest.approx(25.5, rel=0.5)
+    informations = [torch.full((1, 1), 50.0, dtype=DOUBLE)] * 100
+    found, by_chance = correlation_of_residuals(scores, informations, fisher(total, everything(1)))
+    assert found == pytest.approx(25.5, rel=0.5)
+    assert by_chance < 0.2
 
 
 def test_intervals_of_known_noise_are_normal() -> None:

@@ -23,6 +23,8 @@ _PILOT, _SEARCH = 24_000, 4_000
 _EXPANSIONS, _SETTLED = 8, 0.05
 # First guesses further apart are followed each to its end.
 _DISTINCT = 1.0
+# χ² of solutions along a valley of the likelihood differs by less than this.
+_ALIKE = 0.1
 # Median of |N(0, 1)|.
 _MEDIAN_DEVIATION = 0.6745
 _GAUGE_ROUNDS = 6
@@ -64,7 +66,7 @@ def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = N
     for guess in sorted((descend(problem, start, None) for start in starts), key=implausibility):
         if all(distance(other, guess) > _DISTINCT for other in guesses):
             guesses.append(guess)
-    best = min((settle(guess) for guess in guesses), key=implausibility)
+    best = most_plausible([settle(guess) for guess in guesses])
     for _ in range(_GAUGE_ROUNDS if problem.gauges else 0):
         # The limit was taken from a fit without the second bounce, which makes albedos too bright and it too low.
         limit = best.problem.limit_of_gauges(best.unknowns)
@@ -84,6 +86,17 @@ def distance(found: Solution, other: Solution) -> float:
 def implausibility(found: Solution) -> float:
     """The cost that solutions with different outliers are compared by: an outlier counts as one just rejected."""
     return found.statistics.total("cost") + (REJECTED * found.misfit) ** 2 * found.statistics.total("outliers")
+
+
+def most_plausible(found: list[Solution]) -> Solution:
+    """The best of several solutions; of those that the data cannot tell apart the one with the fewest at a bound."""
+    least = min(found, key=implausibility)
+    rivals = [one for one in found if implausibility(one) - implausibility(least) < _ALIKE * least.misfit**2]
+
+    def bounds(one: Solution) -> int:
+        return int(((one.unknowns <= one.problem.lower) | (one.unknowns >= one.problem.upper)).sum())
+
+    return min(rivals, key=bounds)
 
 
 def typical_residual(problem: Problem, batches: list[Batch], unknowns: Tensor) -> float:
