@@ -59,6 +59,10 @@ def estimate(
     free: arguments.Free = None,
     tie: arguments.Tie = None,
     holdout: Annotated[str, typer.Option(metavar="INDEX,...", help="Images to leave out of the fit.")] = "",
+    precision: Annotated[
+        float | None,
+        typer.Option(metavar="R", help="Stop once every relative standard error is below R.", show_default=False),
+    ] = None,
     transfer: Transfer = None,
     seed: Annotated[int, typer.Option(help="Of the subsample that the search starts from.")] = 0,
     device: Annotated[str, typer.Option(help="Where to compute: cpu, cuda.")] = "cpu",
@@ -92,7 +96,7 @@ def estimate(
                 capture = _load(path, transfer, root, say)
                 found = matest.estimate(
                     capture, model, fix=constraints.fix, free=constraints.free, tie=constraints.tie,
-                    holdout=left_out, seed=seed, device=device, progress=say,
+                    holdout=left_out, precision=precision, seed=seed, device=device, progress=say,
                 )  # fmt: skip
                 outcomes[str(path)] = _write(found, capture, place, say)
         except InputError as error:

@@ -9,9 +9,9 @@ import torch
 from torch import Tensor
 
 from matest.brdf.base import factor_value, named_by
-from matest.capture import Capture, Samples
+from matest.capture import Capture
 from matest.capture.samples import BLOCKS
-from matest.estimators import AllTiles, Problem, Solution, accumulate, at_bound, bounded_step
+from matest.estimators import Problem, Solution, accumulate, at_bound, bounded_step
 from matest.result import ParameterEstimate
 from matest.uncertainty import Covariance, correlation_of_residuals, fisher, jackknife, quantile95
 
@@ -107,7 +107,7 @@ def error_bars(solution: Solution, capture: Capture) -> ErrorBars:
     )
 
 
-def flat_at_bound(solution: Solution, samples: Samples) -> dict[int, float]:
+def flat_at_bound(solution: Solution) -> dict[int, float]:
     """95 % reach inside the domain of unknowns near a lower bound where the model does not change to first order.
 
     Oren-Nayar depends on σ²: at σ = 0 the information on σ is zero although σ² is well known. Information on s = σ² is
@@ -126,7 +126,7 @@ def flat_at_bound(solution: Solution, samples: Samples) -> dict[int, float]:
             continue
         moved = solution.unknowns.clone()
         moved[place] = domain.lower + epsilon
-        statistics = accumulate(problem, moved, AllTiles(samples), solution.unknowns, solution.misfit)
+        statistics = accumulate(problem, moved, solution.tiles, solution.unknowns, solution.misfit)
         covariance = fisher(
             statistics.information / solution.statistics.misfit, torch.ones(problem.size, dtype=torch.bool)
         )

@@ -46,6 +46,7 @@ def estimate(
     free: Sequence[str] = (),
     tie: Mapping[str, str] | None = None,
     holdout: Sequence[int] = (),
+    precision: float | None = None,
     seed: int = 0,
     device: str = "cpu",
     progress: Progress = lambda _: None,
@@ -59,6 +60,7 @@ def estimate(
         free: parameters to estimate although they are held by default (`f0`).
         tie: dependent parameter -> the one whose value it takes.
         holdout: images to leave out of the fit; the error there is reported.
+        precision: stop reading pixels once every parameter's relative standard error is below this; None: read all.
         seed: of the subsample that the search starts from.
         device: where tiles are evaluated ("cpu", "cuda").
         progress: called with a word on what is being done.
@@ -67,6 +69,10 @@ def estimate(
         InputError: unknown names, impossible constraints, no usable pixel.
     """
     clock = time.perf_counter()
+    if precision is not None and not precision > 0:
+        raise InputError(
+            f"precision is a relative standard error, such as 0.001, and must be positive; got {precision}."
+        )
     constraints = Constraints(fix or {}, tuple(free), tie or {})
     images = _fitted_images(capture, holdout)
     samples = capture.samples(images, device=device)
@@ -78,17 +84,17 @@ def estimate(
     specification = specify(
         model, constraints, channels=capture.channels, relative=capture.relative, scene=capture.scene
     )
-    solution = fit(specification.problem, samples, seed, progress)
+    solution = fit(specification.problem, samples, seed, progress, precision=precision or 0.0)
     bars = error_bars(solution, capture)
-    wider = freed(specification, _worth_freeing(specification, solution, samples))
+    wider = freed(specification, _worth_freeing(specification, solution))
     if wider.problem.free != specification.problem.free:
         problem = replace(wider.problem, gauge_limit=solution.problem.gauge_limit)
-        again = fit(problem, samples, seed, progress, _widened(problem, solution))
+        again = fit(problem, samples, seed, progress, _widened(problem, solution), precision or 0.0)
         judged = error_bars(again, capture)
         # What looked determined by its Fisher error may not be by an honest one.
         if all(parameter_estimate(again, judged, name).status != "not determined" for name in problem.free):
             specification, solution, bars = wider, again, judged
-    bars = replace(bars, quadratic=flat_at_bound(solution, samples))
+    bars = replace(bars, quadratic=flat_at_bound(solution))
     material = solution.problem.material(solution.unknowns)
     statistics = solution.statistics
     parameters = parameter_estimates(solution, bars)
@@ -163,14 +169,14 @@ def relative_error(capture: Capture, material: Brdf, images: Iterable[int]) -> f
     return statistics.relative_rmse if statistics.clusters else None
 
 
-def _worth_freeing(specification: Specification, solution: Solution, samples: Samples) -> list[str]:
+def _worth_freeing(specification: Specification, solution: Solution) -> list[str]:
     """Parameters held by default that the images determine."""
     names = specification.default_held
     if not names:
         return []
     wider = freed(specification, names).problem
     unknowns = _widened(wider, solution)
-    statistics = accumulate(wider, unknowns, AllTiles(samples), unknowns, solution.misfit)
+    statistics = accumulate(wider, unknowns, solution.tiles, unknowns, solution.misfit)
     return worth_freeing(wider, names, unknowns, statistics.information / statistics.misfit)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import mmap
 import os
 import tempfile
 import time
@@ -23,7 +24,7 @@ from matest.errors import InputError
 from matest.scene import Scene
 
 # Pixels beyond this many bytes go to a temporary file: memory does not grow with the number of images.
-_MEMORY_BUDGET = 256 << 20
+_MEMORY_BUDGET = 96 << 20
 # Noise is estimated from at most this many images.
 _NOISE_IMAGES = 8
 
@@ -81,6 +82,12 @@ class Capture:
         """Measured radiance [n, C] of object pixels, float32."""
         signal = self.encoding.signal(self.stored[image][index], index)
         return signal * np.float32(self.encoding.scale / self.exposures[image])
+
+    def release(self, image: int) -> None:
+        """Give back the memory of an image's pixels where they lie in a temporary file too."""
+        mapped = getattr(self.stored[image], "_mmap", None)
+        if mapped is not None and hasattr(mmap, "MADV_DONTNEED"):
+            mapped.madvise(mmap.MADV_DONTNEED)
 
     @property
     def names(self) -> list[str]:

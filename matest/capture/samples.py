@@ -68,6 +68,7 @@ class Samples:
             dark = usable & (self._dark(image) | ~self._lit(image))
             usable &= ~dark
             saturated = self.capture.encoding.saturated(self.capture.stored[image]).any(axis=1)
+            self.capture.release(image)
             return np.packbits(usable), int(dark.sum()), int((usable & saturated).sum())
 
         with ThreadPoolExecutor() as pool:

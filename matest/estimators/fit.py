@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -11,18 +12,21 @@ from torch import Tensor
 
 from matest.capture import Batch, Samples
 from matest.capture.batch import REJECTED
-from matest.estimators.levenberg_marquardt import Evaluate, Solution, minimise
+from matest.estimators.levenberg_marquardt import Evaluate, Solution, at_bound, minimise
 from matest.estimators.linearise import Linearisation, accumulate, in_memory, single_threaded_torch
 from matest.estimators.pilot import pilot
 from matest.estimators.problem import Problem
 from matest.estimators.search import search
 from matest.estimators.separable import compress, separates
+from matest.uncertainty import fisher
 
 _PILOT, _SEARCH = 24_000, 4_000
 # Expansions of the likelihood about the last optimum, until they move it by less than so many standard errors.
 _EXPANSIONS, _SETTLED = 8, 0.05
 # First guesses further apart are followed each to its end.
 _DISTINCT = 1.0
+# Subsamples grow by this factor until they are precise enough, or a walk over all samples costs no more.
+_GROWTH, _SUBSAMPLE = 4, 0.1
 # χ² of solutions along a valley of the likelihood differs by less than this.
 _ALIKE = 0.1
 # Median of |N(0, 1)|.
@@ -117,6 +121,7 @@ def fit(
     seed: int,
     progress: Progress = lambda _: None,
     start: Tensor | None = None,
+    precision: float = 0.0,
 ) -> Solution:
     """The maximum-likelihood estimate from all samples: from the pilot's optimum, passes over everything.
 
@@ -129,14 +134,35 @@ def fit(
         seed: of the pilot's random draw.
         progress: called with a word on what is being done.
         start: u [P] near the optimum; None: searched for globally.
+        precision: a subsample is enough once it gives every parameter a relative standard error below this.
     """
     progress("searching")
-    pilots = fit_batches(problem, pilot(samples, _PILOT, seed), start)
-    reference = pilots.unknowns
-    progress("refining over all samples")
-    evaluate = _passes(pilots.problem, AllTiles(samples), reference, reference, pilots.misfit)
-    found = minimise(pilots.problem, reference, evaluate, passes=_FULL_PASSES, tolerance=0.03)
-    return replace(found, unknowns=found.problem.wrapped(found.unknowns), misfit=pilots.misfit)
+    count = _PILOT
+    batches = pilot(samples, count, seed)
+    found = fit_batches(problem, batches, start)
+    while relative_error(found) > precision > 0 and _GROWTH * count < _SUBSAMPLE * len(samples):
+        count *= _GROWTH
+        batches = pilot(samples, count, seed)
+        found = fit_batches(found.problem, batches, found.unknowns)
+    tiles: Iterable[Sequence[Callable[[], Batch]]] = in_memory(batches)
+    if relative_error(found) > precision:
+        progress("refining over all samples")
+        tiles, reference, misfit = AllTiles(samples), found.unknowns, found.misfit
+        evaluate = _passes(found.problem, tiles, reference, reference, misfit)
+        found = minimise(found.problem, reference, evaluate, passes=_FULL_PASSES, tolerance=0.03)
+        found = replace(found, misfit=misfit)
+    return replace(found, unknowns=found.problem.wrapped(found.unknowns), tiles=tiles)
+
+
+def relative_error(found: Solution) -> float:
+    """The largest relative standard error of the unknowns that are determined and not at a bound."""
+    problem, statistics = found.problem, found.statistics
+    free = ~at_bound(problem, found.unknowns, statistics.gradient)
+    covariance = fisher(statistics.information / statistics.misfit, free)
+    counted = free & ~covariance.undetermined
+    for name in problem.gauges:
+        counted[problem.where[name]] = False
+    return float((covariance.std / found.unknowns.abs())[counted].max()) if bool(counted.any()) else math.inf
 
 
 @dataclass(frozen=True)
@@ -146,8 +172,9 @@ class AllTiles:
     samples: Samples
 
     def __iter__(self) -> Iterator[list[Callable[[], Batch]]]:
-        for position in range(len(self.samples.images)):
+        for position, image in enumerate(self.samples.images):
             yield [partial(self.samples.bundled, pieces) for pieces in self.samples.bundles(position)]
+            self.samples.capture.release(image)
 
 
 def _passes(

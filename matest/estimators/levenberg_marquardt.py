@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
+from matest.capture import Batch
 from matest.estimators.linearise import Statistics
 from matest.estimators.problem import Problem
 
@@ -32,6 +33,7 @@ class Solution:
         last_step: length of the last step, in standard errors.
         converged: whether that is small.
         misfit: typical residual in standard deviations of the noise, by which outliers were judged.
+        tiles: of the samples that it rests on.
     """
 
     problem: Problem
@@ -41,6 +43,7 @@ class Solution:
     last_step: float
     converged: bool
     misfit: float = 1.0
+    tiles: Iterable[Sequence[Callable[[], Batch]]] = ()
 
 
 def at_bound(problem: Problem, unknowns: Tensor, gradient: Tensor) -> Tensor:

@@ -27,6 +27,7 @@ def pilot(samples: Samples, count: int, seed: int) -> list[Batch]:
             drawn = generator.choice(index, min(len(index), _CANDIDATES * quota), replace=False)
             index = np.sort(_even(samples, image, drawn, quota, generator))
         batches.append(samples.at(image, index, cluster=position * BLOCKS))
+        samples.capture.release(image)
     return batches
 
 

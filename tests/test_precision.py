@@ -1,0 +1,38 @@
+"""`precision`: no more pixels than an error of so much takes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import matest
+from matest.brdf import Lambert, OrenNayar
+from tests.captures import directional
+from tests.simulated import DIRECTIONS, Studio
+
+STUDIO = Studio(size=280, lights=tuple((directional(towards, 3.0),) for towards in DIRECTIONS))
+
+
+def test_an_estimate_stops_at_the_precision_asked_for() -> None:
+    capture = STUDIO.photograph(OrenNayar(0.7, 0.5), seed=1)
+    rough = matest.estimate(capture, "oren-nayar", precision=0.01)
+    whole = matest.estimate(capture, "oren-nayar")
+    assert rough.fit.samples_used < 0.2 * rough.fit.samples == 0.2 * whole.fit.samples
+    assert whole.fit.samples_used == whole.fit.samples
+    for name, truth in (("albedo", 0.7), ("sigma", 0.5)):
+        found = rough.parameters[name]
+        assert whole.parameters[name].std < found.std < 0.01 * found.value
+        assert abs(found.value - truth) < 4 * found.std
+
+
+def test_a_precision_out_of_reach_reads_everything() -> None:
+    capture = STUDIO.photograph(Lambert(0.5), seed=2)
+    found = matest.estimate(capture, "lambert", precision=1e-9)
+    assert found.fit.samples_used == found.fit.samples
+
+
+@pytest.mark.parametrize("precision", [0.0, -1.0, np.nan])
+def test_a_precision_must_be_positive(precision: float) -> None:
+    capture = Studio(size=20).photograph(Lambert(0.5), seed=2)
+    with pytest.raises(matest.InputError, match="precision is a relative standard error"):
+        matest.estimate(capture, "lambert", precision=precision)
