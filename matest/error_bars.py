@@ -13,7 +13,7 @@ from matest.capture import Capture
 from matest.capture.samples import BLOCKS
 from matest.estimators import Problem, Solution, accumulate, at_bound, bounded_step
 from matest.result import ParameterEstimate
-from matest.uncertainty import Covariance, correlation_of_residuals, fisher, jackknife, quantile95
+from matest.uncertainty import Covariance, correlation_of_residuals, error_of, fisher, jackknife, quantile95
 
 # χ² per value above this says that the model does not hold: stated noise is exact, noise estimated from the pictures
 # is known to some per cent.
@@ -31,6 +31,8 @@ _MIN_CLUSTERS = 4
 _VISIBLE = 4.0
 # No better known than a value drawn evenly from the domain (its std is width/√12): not determined.
 _KNOWS_NOTHING = 1 / math.sqrt(12)
+# Likewise a value at a bound whose interval covers this share of the domain.
+_ANYWHERE = 0.95
 
 
 @dataclass(frozen=True)
@@ -156,7 +158,7 @@ def parameter_estimates(solution: Solution, bars: ErrorBars) -> dict[str, Parame
     for name in problem.brdf.declared:
         if problem.declared(name).ratio is not None:
             out[_ratio_label(problem, name)] = _ratio(solution, bars, name, out[name])
-            numerator = _numerator(problem, name)
+            numerator = numerator_of(problem, name)
             if numerator in problem.arbitrary and name in problem.where:
                 for length in (numerator, name):
                     out[length] = replace(out[length], value=None, std=None, interval95=None, status="not determined")
@@ -186,10 +188,11 @@ def known_by_ratio(problem: Problem, name: str) -> bool:
     declared = problem.brdf.declared.get(name)
     if declared is None or declared.ratio is None:
         return name in problem.arbitrary
-    return _numerator(problem, name) in problem.arbitrary
+    return numerator_of(problem, name) in problem.arbitrary
 
 
-def _numerator(problem: Problem, name: str) -> str:
+def numerator_of(problem: Problem, name: str) -> str:
+    """The parameter whose ratio to this one is reported."""
     ratio = problem.declared(name).ratio
     assert ratio is not None
     return name.removesuffix(name.rpartition(".")[2]) + ratio[1]
@@ -203,7 +206,7 @@ def _ratio_label(problem: Problem, name: str) -> str:
 
 def _ratio(solution: Solution, bars: ErrorBars, name: str, denominator: ParameterEstimate) -> ParameterEstimate:
     """The ratio of a parameter `Parameter.ratio` names to this one, with its error bar to first order."""
-    problem, numerator = solution.problem, _numerator(solution.problem, name)
+    problem, numerator = solution.problem, numerator_of(solution.problem, name)
     values = problem.values(solution.unknowns)
     top, bottom = float(values[numerator]), float(values[name])
     ratio = top / bottom
@@ -212,12 +215,13 @@ def _ratio(solution: Solution, bars: ErrorBars, name: str, denominator: Paramete
     if source not in problem.where:
         return ParameterEstimate(ratio, None, None, "1", denominator.status, doc)
     if numerator in problem.where:
-        places = [problem.where[numerator].start, problem.where[source].start]
-        relative = torch.tensor([1 / top, -1 / bottom], dtype=torch.float64)
-        std = ratio * float(relative @ bars.covariance.matrix[places][:, places] @ relative) ** 0.5
-        states = {parameter_estimate(solution, bars, numerator).status, denominator.status}
-        if states != {"determined"}:
+        relative = torch.zeros(problem.size, dtype=torch.float64)
+        relative[problem.where[numerator].start], relative[problem.where[source].start] = 1 / top, -1 / bottom
+        information = solution.statistics.information / solution.statistics.misfit
+        found = error_of(information, relative)
+        if found is None or found > 0.5:
             return ParameterEstimate(None, None, None, "1", "not determined", doc)
+        std = ratio * found * _widening(solution, bars)
         reach = quantile95(bars.covariance.degrees) * std
         return ParameterEstimate(ratio, std, [max(ratio - reach, 0.0), ratio + reach], "1", "determined", doc)
     if denominator.value is None:
@@ -254,7 +258,9 @@ def parameter_estimate(solution: Solution, bars: ErrorBars, name: str) -> Parame
             intervals.append([domain.lower, min(domain.upper, domain.lower + reach_inside)])
             states.append("at bound")
             continue
-        if bool(covariance.undetermined[position]) or faint or (std > largest and not at_end):
+        interval = [max(domain.lower, value - reach * std), min(domain.upper, value + reach * std)]
+        anywhere = at_end and math.isfinite(width) and interval[1] - interval[0] > _ANYWHERE * width
+        if bool(covariance.undetermined[position]) or faint or (std > largest and not at_end) or anywhere:
             values.append(None)
             stds.append(None)
             intervals.append(None)
@@ -262,7 +268,7 @@ def parameter_estimate(solution: Solution, bars: ErrorBars, name: str) -> Parame
             continue
         values.append(value)
         stds.append(None if at_end else std)
-        intervals.append([max(domain.lower, value - reach * std), min(domain.upper, value + reach * std)])
+        intervals.append(interval)
         states.append("at bound" if at_end else "determined")
     status = next(state for state in ("not determined", "at bound", "determined") if state in states)
     single = len(values) == 1
@@ -274,6 +280,14 @@ def parameter_estimate(solution: Solution, bars: ErrorBars, name: str) -> Parame
         status,
         declared.doc,
     )
+
+
+def _widening(solution: Solution, bars: ErrorBars) -> float:
+    """How much wider honest error bars are than those of the noise alone: the largest factor."""
+    problem = solution.problem
+    everything = torch.ones(problem.size, dtype=torch.bool)
+    plain = fisher(solution.statistics.information / solution.statistics.misfit, everything).std
+    return float((bars.open.std / plain).nan_to_num(1.0, posinf=1.0).clamp(min=1.0).max())
 
 
 def _faint(solution: Solution, bars: ErrorBars, name: str) -> bool:

@@ -272,6 +272,17 @@ def _warnings(
             f"{name} is held at {float(solution.problem.held[name]):g}: these images do not determine it beside the "
             f"strength of the highlight; --free {name} estimates it all the same, --fix {name}=VALUE sets it."
         )
+    for name, parameter in parameters.items():
+        f0 = name.removesuffix(name.rpartition(".")[2]) + "f0"
+        declared = solution.problem.brdf.declared.get(name)
+        if declared is None or f0 not in specification.default_held or parameter.status != "at bound":
+            continue
+        values = solution.problem.values(solution.unknowns)[name]
+        if bool((values >= declared.domain.upper).any()) and name in solution.problem.factors:
+            out.append(
+                f"{name} is at its upper end: with {f0} held at {float(solution.problem.held[f0]):g} no lobe is bright "
+                f"enough; give the surface's own, --fix {f0}=VALUE (a metal's is near 1)."
+            )
     for name in specification.assumed:
         value = float(solution.problem.held[name])
         unit = solution.problem.declared(name).unit

@@ -59,6 +59,20 @@ def fisher(information: Tensor, free: Tensor) -> Covariance:
     return Covariance(inverse, undetermined)
 
 
+def error_of(information: Tensor, direction: Tensor) -> float | None:
+    """Standard error of the combination `direction` · u of unknowns with JᵀWJ `information`; None if it is not seen.
+
+    A combination may be well determined though none of its unknowns is.
+    """
+    scale = information.diagonal().clamp(min=1e-300).rsqrt()
+    values, vectors = torch.linalg.eigh(information * scale[:, None] * scale[None, :])
+    along = vectors.T @ (direction * scale)
+    lost = (values < _SINGULAR) | (values < 1e-12 * values.max())
+    if float(along[lost].norm()) > _PARTICIPATES * float(along.norm()):
+        return None
+    return float((along[~lost].square() / values[~lost]).sum()) ** 0.5
+
+
 def jackknife(
     informations: Sequence[Tensor],
     gradients: Sequence[Tensor],

@@ -80,7 +80,7 @@ def assemble(
         else "C: negligible on a smooth or slightly rough surface"
     )
     reasons["fresnel"] = (
-        "D: nearly constant on a metal; f0 near 1 makes it so" if metal else "D: necessary on a dielectric"
+        "D: nearly constant on a metal: give its f0, near 1" if metal else "D: necessary on a dielectric"
     )
     switches: dict[str, Any] = {name: "on" if needed else "off" for name, (needed, _, _) in chosen.items()}
     return Assembly(LiTorrance(masking="on" if masked else "off", **switches), reasons)

@@ -204,6 +204,10 @@ class LiTorrance(RoughSurface):
             {"coherent": "on", "directional": "off"},
             "the mirror-like component shares k_dd with the directional one; take li-torrance-coherent alone.",
         ),
+        (
+            {"directional": "off", "uniform": "off", "subsurface": "off", "forward": "off"},
+            "every component is off; leave one on.",
+        ),
     )
 
     def terms(self, directions: Directions) -> tuple[Term, ...]:

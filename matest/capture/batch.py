@@ -13,7 +13,7 @@ from matest.scene import Points
 
 # Residuals up to so many standard deviations count in full, those beyond the second not at all: of Gaussian noise only
 # one value in 16,000 lies between, so that nothing is lost where there are no outliers.
-_TRUSTED, REJECTED = 4.0, 6.0
+TRUSTED, REJECTED = 4.0, 6.0
 # A value that may have been clipped, closer to the end of the sensor's range than this, says little of the fit.
 _CLEAR = 3.0
 _LOG_ROOT_TWO_PI = 0.5 * math.log(2 * math.pi)
@@ -39,7 +39,8 @@ class Working(NamedTuple):
     Attributes:
         response: the measured radiance; where it was clipped, the reference moved by a Newton step.
         weight: inverse variance, less for what is clipped, 0 for outliers.
-        plain: values that a goodness of fit may be judged by: measured well inside the range of the sensor.
+        plain: values that a goodness of fit may be judged by: measured, and not near the ends of the sensor's range
+            where the reference is too.
     """
 
     response: Tensor
@@ -116,14 +117,17 @@ class Batch:
         variance = self.variance(reference)
         weight = 1 / variance
         squared = (self.radiance - reference).square() * weight
-        # Most tiles have no outlier, and are nowhere near the ends of the range.
-        if float(squared.max()) > (_TRUSTED * misfit) ** 2:
+        # Most tiles have no outlier.
+        far = (TRUSTED * misfit) ** 2
+        if float(squared.max()) > far:
             weight = _trust(squared.sqrt() / misfit) * weight
         if self.limits is None:
             return Working(self.radiance, weight, torch.ones_like(weight, dtype=torch.bool))
         lower, upper = self.limits
         std = variance.sqrt()
         plain = (reference - lower > _CLEAR * std) & (upper - reference > _CLEAR * std)
+        # What lies far from the reference was not clipped by chance.
+        plain = plain | (squared > far)
         if self.clipped is None:
             return Working(self.radiance, weight, plain)
         side = self.clipped.to(reference)
@@ -139,4 +143,4 @@ class Batch:
 
 
 def _trust(deviation: Tensor) -> Tensor:
-    return ((REJECTED - deviation) / (REJECTED - _TRUSTED)).clamp(0, 1)
+    return ((REJECTED - deviation) / (REJECTED - TRUSTED)).clamp(0, 1)

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from matest.capture import Batch, Samples
-from matest.capture.batch import REJECTED
+from matest.capture.batch import REJECTED, TRUSTED
 from matest.estimators.levenberg_marquardt import Evaluate, Solution, at_bound, minimise
 from matest.estimators.linearise import Linearisation, accumulate, in_memory, single_threaded_torch
 from matest.estimators.pilot import pilot
@@ -29,6 +29,8 @@ _DISTINCT = 1.0
 _GROWTH, _SUBSAMPLE = 4, 0.1
 # χ² of solutions along a valley of the likelihood differs by less than this.
 _ALIKE = 0.1
+# No more of the values than this can be outliers.
+_MOST_OUTLIERS = 0.1
 # Median of |N(0, 1)|.
 _MEDIAN_DEVIATION = 0.6745
 _GAUGE_ROUNDS = 6
@@ -104,15 +106,22 @@ def most_plausible(found: list[Solution]) -> Solution:
 
 
 def typical_residual(problem: Problem, batches: list[Batch], unknowns: Tensor) -> float:
-    """Median residual in standard deviations of the noise, as a multiple of a Gaussian's; at least 1."""
+    """Median residual in standard deviations of the noise, as a multiple of a Gaussian's; at least 1.
+
+    Large enough for no more than a tenth of the values to be outliers: a model that misses more does not fit.
+    """
     linearisation = Linearisation(problem, unknowns, derivatives=False)
     deviations = []
     with torch.no_grad():
         for batch in batches:
             radiance = linearisation.radiance(batch)
             deviation = (batch.radiance - radiance).abs() / batch.variance(radiance).sqrt()
-            deviations.append(deviation.flatten() if batch.clipped is None else deviation[batch.clipped == 0])
-    return max(float(torch.cat(deviations).median()) / _MEDIAN_DEVIATION, 1.0)
+            deviations.append(deviation[batch.working(radiance).plain])
+    found = torch.cat(deviations).double()
+    if not len(found):
+        return 1.0
+    most = float(found.kthvalue(max(int((1 - _MOST_OUTLIERS) * len(found)), 1)).values)
+    return max(float(found.median()) / _MEDIAN_DEVIATION, most / TRUSTED, 1.0)
 
 
 def fit(

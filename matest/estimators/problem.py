@@ -43,20 +43,21 @@ class Problem:
     @cached_property
     def amplitudes(self) -> tuple[str, ...]:
         """Free parameters that only multiply shapes."""
-        return tuple(name for name in self.free if name in self._factors)
+        return tuple(name for name in self.free if name in self.factors)
 
     @cached_property
     def shapes(self) -> tuple[str, ...]:
         """Free parameters that the shapes depend on."""
-        return tuple(name for name in self.free if name not in self._factors)
+        return tuple(name for name in self.free if name not in self.factors)
 
     @cached_property
     def shaping(self) -> tuple[str, ...]:
         """Parameters, free or not, that the shapes depend on."""
-        return tuple(name for name in self.brdf.declared if self.ties.get(name, name) not in self._factors)
+        return tuple(name for name in self.brdf.declared if self.ties.get(name, name) not in self.factors)
 
     @cached_property
-    def _factors(self) -> set[str]:
+    def factors(self) -> set[str]:
+        """Parameters, free or not, that only multiply shapes."""
         return {self.ties.get(name, name) for name in self.brdf.factors}
 
     @cached_property

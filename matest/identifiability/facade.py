@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from matest.capture import Capture, Samples
-from matest.error_bars import known_by_ratio, reported_name
+from matest.error_bars import known_by_ratio, numerator_of, reported_name
 from matest.errors import InputError
 from matest.identifiability.forecast import Forecast, as_estimated, forecast, unknowns_at, usable
 from matest.identifiability.next_light import NextLight, next_light
@@ -154,7 +154,7 @@ def check(
     specification = specify(expression, told, channels=capture.channels, relative=capture.relative, scene=capture.scene)
     fixed = {resolve(specification.problem.brdf, name) for name in told.fix}
     scene = {} if own is None else {name: value for name, value in own.parameters.items() if name not in fixed}
-    given = scene | _assumed(specification, at or {})
+    given = scene | _by_ratio(specification, scene) | _assumed(specification, at or {})
     specification, values = _nominal(specification, given)
 
     progress("predicting photographs", None, None)
@@ -255,6 +255,17 @@ def _nearness(samples: Samples) -> Nearness:
         smallest[0] = min(smallest[0], float(angles[index].min(initial=math.inf)))
         smallest[1] = min(smallest[1], float(angles.min(initial=math.inf)))
     return Nearness(*smallest)
+
+
+def _by_ratio(specification: Specification, scene: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Lengths of a scene's material in proportion to what the others are held at: only the ratio has an effect."""
+    problem = specification.problem
+    return {
+        name: value * problem.held[numerator] / scene[numerator]
+        for name, value in scene.items()
+        if name in problem.where and known_by_ratio(problem, name)
+        for numerator in (numerator_of(problem, name),)
+    }
 
 
 def _predictions(spread: Sequence[Forecast], why: Reasons, why_held: Reasons) -> dict[str, Prediction]:

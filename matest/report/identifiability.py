@@ -19,10 +19,11 @@ def check_report(check: Check) -> Group:
     """Predicted error bars, reasons, the light that would help most, and what all this rests on."""
     several = bool(check.levels)
     table = Table(box=SIMPLE_HEAD, title=f"{check.capture}: {check.model}", title_justify="left")
-    for column in ("parameter", "assumed", "standard error"):
-        table.add_column(column, no_wrap=True)
-    # The range goes to a second line where the table would not fit.
-    table.add_column("relative (range)" if several else "relative")
+    # Values of several channels, and ranges, go to a second line where the table would not fit.
+    table.add_column("parameter", no_wrap=True)
+    table.add_column("assumed")
+    table.add_column("standard error", no_wrap=True)
+    table.add_column("relative (range)" if several else "relative", min_width=8)
     table.add_column("status", no_wrap=True)
     component = ""
     for name, prediction in check.parameters.items():
