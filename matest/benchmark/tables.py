@@ -55,7 +55,8 @@ def table4_tables(
         found = published[f"{table4.CASE}{name}"]
         paper = " - ".join(f"{second / unit:.1f}" for second in dict.fromkeys(seconds))
         errors = [f"{found[f'{sample} error of fit'].value:.0%}" for sample in table4.SAMPLES]
-        row = [figure(found[f"{sample} cost"]) for sample in table4.SAMPLES]
+        values = [found[f"{sample} cost"].value or 0.0 for sample in table4.SAMPLES]
+        row = [f"{value:.2f}" if value < 10 else f"{value:,.0f}" for value in values]
         costs.add_row(case_name(name), paper, *row, *errors)
     ours = published[f"{table4.CASE}{table4.OURS}"]
     rival = ruled("", *table4.SAMPLES)

@@ -134,11 +134,12 @@ class Batch:
         spread = misfit * std
         z = side * (reference - torch.where(side > 0, upper, lower).nan_to_num()) / spread
         hazard = torch.exp(-0.5 * z.square() - torch.special.log_ndtr(z) - _LOG_ROOT_TWO_PI)
-        censored = side != 0
+        censored, trust = side != 0, _trust(-z)
         return Working(
             response=torch.where(censored, reference + side * spread / (hazard + z), self.radiance),
-            weight=torch.where(censored, _trust(-z) * hazard * (hazard + z) / variance, weight),
-            plain=plain & ~censored,
+            weight=torch.where(censored, trust * hazard * (hazard + z) / variance, weight),
+            # A clipped value says nothing of how well the model fits, unless it is an outlier.
+            plain=torch.where(censored, trust == 0, plain),
         )
 
 

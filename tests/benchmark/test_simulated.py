@@ -71,7 +71,7 @@ def test_an_ideal_photograph_gives_every_lit_pixel_off_the_rim_without_noise() -
     ]
     assert samples.counts == [int(mask.sum()) for mask in lit]
     batch = samples.at(0, samples.indices(0))
-    assert batch.seen is None
+    assert batch.clipped is None
     np.testing.assert_allclose(batch.radiance, drawn.radiance[0][lit[0]], rtol=1e-5, atol=1e-6)
 
 

@@ -1,0 +1,75 @@
+"""What spoilt pixels do to an estimate, and what a model that does not fit may not call spoilt."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import matest
+from matest.brdf import CookTorrance, Lambert, LiTorrance
+from matest.capture import Capture
+from matest.capture.photometry import Encoding
+from tests.captures import directional
+from tests.simulated import CAMERA, DIRECTIONS, Studio
+
+STUDIO = Studio(size=64, lights=tuple((directional(towards, 3.0),) for towards in DIRECTIONS))
+TRUTH = CookTorrance(diffuse=0.4, specular=0.8, slope=0.2)
+VALUES = {"diffuse": 0.4, "specular": 0.8, "slope": 0.2}
+FIX = {"f0": 0.04}
+
+
+def integers(bits: int, saturation: float, outliers: float, seed: int) -> Capture:
+    """Photographs of `bits`, saturated at that fraction of the range, a share of the pixels uniform over it."""
+    capture = STUDIO.photograph(TRUTH, seed=seed)
+    full = 2**bits - 1
+    rng = np.random.default_rng(seed)
+    stored = []
+    for pixels in capture.stored:
+        values = np.round(full * np.clip(pixels, 0, 1))
+        spoilt = rng.random(len(values)) < outliers
+        values[spoilt] = rng.integers(0, full + 1, (int(spoilt.sum()), values.shape[1]))
+        stored.append(values.astype(np.uint8 if bits == 8 else np.uint16))
+    # Rounding adds to the noise that is stated.
+    noise = dataclasses.replace(CAMERA, read=float(np.hypot(CAMERA.read, 1 / full / np.sqrt(12))))
+    return dataclasses.replace(
+        capture, stored=tuple(stored), encoding=Encoding(saturation=saturation), noise=noise, noise_given=True
+    )
+
+
+@pytest.mark.parametrize(("bits", "saturation", "outliers"), [(16, 0.45, 0.0), (16, 1.0, 0.03), (8, 0.45, 0.02)])
+def test_spoilt_pixels_leave_the_estimate_within_its_error_bars(bits: int, saturation: float, outliers: float) -> None:
+    scores = []
+    for seed in (1, 2, 3):
+        found = matest.estimate(integers(bits, saturation, outliers, seed), "cook-torrance", fix=FIX)
+        assert found.fit.errors == "fisher"
+        # Those above saturation are bounds, and wrong ones.
+        assert found.fit.outliers == pytest.approx(outliers, abs=0.4 * outliers + 1e-4)
+        assert any("were left out" in warning for warning in found.warnings) == (outliers > 0)
+        scores += [
+            (found.parameters[name].value - value) / found.parameters[name].std for name, value in VALUES.items()
+        ]
+    assert np.sqrt(np.mean(np.square(scores))) < 2
+
+
+def test_saturated_highlights_still_tell_their_strength() -> None:
+    whole = matest.estimate(integers(16, 1.0, 0.0, 4), "cook-torrance", fix=FIX).parameters["specular"]
+    cut = matest.estimate(integers(16, 0.3, 0.0, 4), "cook-torrance", fix=FIX)
+    assert cut.skipped["samples"]["saturated"] > 100
+    assert abs(cut.parameters["specular"].value - 0.8) < 4 * cut.parameters["specular"].std
+    assert whole.std < cut.parameters["specular"].std < 20 * whole.std
+
+
+def test_a_model_that_misses_everything_says_so() -> None:
+    mirror = LiTorrance(k_dd=0.9, f0=0.9, height_rms=0.05, correlation_length=2.0, subsurface="off")
+    found = matest.estimate(Studio(size=48, lights=STUDIO.lights).photograph(mirror, seed=1), "lambert")
+    assert found.fit.relative_rmse > 0.5
+    assert found.fit.outliers > 0.001
+    assert any("misses the images" in warning for warning in found.warnings)
+
+
+def test_ordinary_noise_has_no_outliers() -> None:
+    found = matest.estimate(STUDIO.photograph(Lambert(0.5), seed=9), "lambert")
+    assert found.fit.outliers < 1e-4
+    assert not any("left out" in warning for warning in found.warnings)
