@@ -75,7 +75,7 @@ class Batch:
     def __len__(self) -> int:
         return len(self.radiance)
 
-    def __getitem__(self, index: slice) -> Batch:
+    def __getitem__(self, index: slice | Tensor) -> Batch:
         """Some of the samples."""
         readout = Readout(*(value if len(value) == 1 else value[index] for value in self.readout))
         limits = None
@@ -95,11 +95,13 @@ class Batch:
         return weight if self.clipped is None else weight * (self.clipped == 0)
 
     def measured(self) -> Working:
-        """The problem for a first guess: variances at the measured radiance, clipped values taken as measured.
+        """The problem for a first guess: one variance a channel, clipped values taken as measured.
 
-        It favours pixels that noise made dark; a highlight that is saturated is lower than it should be, but there.
+        Weights that follow the measured radiance would give dark outliers the most of it. A highlight that is saturated
+        is lower than it should be, but there.
         """
-        weight = 1 / self.variance(self.radiance)
+        typical = self.radiance.median(dim=0, keepdim=True).values if len(self) else self.radiance
+        weight = (1 / self.variance(typical)).expand_as(self.radiance)
         return Working(self.radiance, weight, torch.ones_like(weight, dtype=torch.bool))
 
     def working(self, reference: Tensor, misfit: float = 1.0) -> Working:

@@ -48,15 +48,20 @@ def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = N
         start: u [P] near the optimum; None: searched for globally, no initial guess is needed.
     """
     tiles = in_memory(batches)
-    starts = [] if start is None else [start]
-    if start is None:
-        total = sum(len(batch) for batch in batches)
-        with single_threaded_torch():
-            found = search(problem, [batch[:: max(total // _SEARCH, 1)] for batch in batches])
-        problem, starts = found.problem, found.starts()
+    guesses: list[Solution] = []
+    for view in views(batches):
+        starts = [] if start is None else [start]
+        if start is None:
+            total = sum(len(batch) for batch in view)
+            with single_threaded_torch():
+                found = search(problem, [batch[:: max(total // _SEARCH, 1)] for batch in view])
+            problem, starts = found.problem, found.starts()
+        for first in starts:
+            evaluate = _passes(problem, in_memory(view), first, None, 1.0)
+            guesses.append(minimise(problem, first, evaluate, passes=_PILOT_PASSES, tolerance=0.01))
 
-    def descend(problem: Problem, start: Tensor, reference: Tensor | None) -> Solution:
-        misfit = 1.0 if reference is None else typical_residual(problem, batches, reference)
+    def descend(problem: Problem, start: Tensor, reference: Tensor) -> Solution:
+        misfit = typical_residual(problem, batches, reference)
         evaluate = _passes(problem, tiles, start, reference, misfit)
         found = minimise(problem, start, evaluate, passes=_PILOT_PASSES, tolerance=0.01)
         return replace(found, misfit=misfit)
@@ -68,11 +73,11 @@ def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = N
                 break
         return found
 
-    guesses: list[Solution] = []
-    for guess in sorted((descend(problem, start, None) for start in starts), key=implausibility):
-        if all(distance(other, guess) > _DISTINCT for other in guesses):
-            guesses.append(guess)
-    best = most_plausible([settle(guess) for guess in guesses])
+    distinct: list[Solution] = []
+    for guess in sorted(guesses, key=implausibility):
+        if all(distance(other, guess) > _DISTINCT for other in distinct):
+            distinct.append(guess)
+    best = most_plausible([settle(guess) for guess in distinct])
     for _ in range(_GAUGE_ROUNDS if problem.gauges else 0):
         # The limit was taken from a fit without the second bounce, which makes albedos too bright and it too low.
         limit = best.problem.limit_of_gauges(best.unknowns)
@@ -81,6 +86,20 @@ def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = N
         wider = replace(best.problem, gauge_limit=limit)
         best = descend(wider, torch.minimum(best.unknowns, wider.upper), best.unknowns)
     return best
+
+
+def views(batches: list[Batch]) -> list[list[Batch]]:
+    """The samples as first guesses see them: with clipped values as measured and, where there are any, without them.
+
+    Without its saturated middle a highlight may not be seen at all; with it, it is taken for flat.
+    """
+    if all(batch.clipped is None for batch in batches):
+        return [batches]
+    without = []
+    for batch in batches:
+        inside = slice(None) if batch.clipped is None else (batch.clipped == 0).all(-1).nonzero()[:, 0]
+        without.append(batch[inside])
+    return [batches, [batch for batch in without if len(batch)]] if any(map(len, without)) else [batches]
 
 
 def distance(found: Solution, other: Solution) -> float:

@@ -94,7 +94,7 @@ Normal = tuple[list[tuple[str, ...]], Tensor, Tensor]
 
 def _evaluated(problem: Problem, batches: list[Batch], points: list[Tensor]) -> Normal:
     """Factors of the T terms, their Gram matrices [G, C, T, T] and moments [G, C, T] at every point u [P]."""
-    weights = [batch.weight(batch.radiance) for batch in batches]
+    weights = [batch.measured().weight for batch in batches]
     factors: list[tuple[str, ...]] = []
     grams, moments = [], []
     for unknowns in points:

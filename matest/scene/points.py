@@ -28,7 +28,7 @@ class Points:
     irradiance: Tensor
     ambient: Tensor | None = None
 
-    def __getitem__(self, index: slice) -> Points:
+    def __getitem__(self, index: slice | Tensor) -> Points:
         """Some of the points of a batch [n, …]."""
         parts = (self.wi, self.wo, self.irradiance)
         ambient = self.ambient if self.ambient is None or len(self.ambient) == 1 else self.ambient[index]
