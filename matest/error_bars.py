@@ -157,8 +157,8 @@ def parameter_estimates(solution: Solution, bars: ErrorBars) -> dict[str, Parame
             out[name] = ParameterEstimate(value.tolist(), None, None, declared.unit, "fixed", declared.doc)
     for name in problem.brdf.declared:
         if problem.declared(name).ratio is not None:
-            out[_ratio_label(problem, name)] = _ratio(solution, bars, name, out[name])
-            numerator = numerator_of(problem, name)
+            label, numerator = _ratio_names(problem, name)
+            out[label] = _ratio(solution, bars, name, out[name])
             if numerator in problem.arbitrary and name in problem.where:
                 for length in (numerator, name):
                     out[length] = replace(out[length], value=None, std=None, interval95=None, status="not determined")
@@ -180,7 +180,7 @@ def reported_correlation(solution: Solution, bars: ErrorBars) -> list[list[float
 def reported_name(problem: Problem, name: str) -> str:
     """The name under which what is known of a parameter is reported: its own, or that of its ratio to another."""
     ratio = name in problem.brdf.declared and problem.declared(name).ratio is not None
-    return _ratio_label(problem, name) if ratio and known_by_ratio(problem, name) else name
+    return _ratio_names(problem, name)[0] if ratio and known_by_ratio(problem, name) else name
 
 
 def known_by_ratio(problem: Problem, name: str) -> bool:
@@ -193,15 +193,15 @@ def known_by_ratio(problem: Problem, name: str) -> bool:
 
 def numerator_of(problem: Problem, name: str) -> str:
     """The parameter whose ratio to this one is reported."""
-    ratio = problem.declared(name).ratio
-    assert ratio is not None
-    return name.removesuffix(name.rpartition(".")[2]) + ratio[1]
+    return _ratio_names(problem, name)[1]
 
 
-def _ratio_label(problem: Problem, name: str) -> str:
+def _ratio_names(problem: Problem, name: str) -> tuple[str, str]:
+    """Under which name the ratio to a parameter is reported, and its numerator (in a sum: paths)."""
     ratio = problem.declared(name).ratio
     assert ratio is not None
-    return name.removesuffix(name.rpartition(".")[2]) + ratio[0]
+    component = name.removesuffix(name.rpartition(".")[2])
+    return component + ratio[0], component + ratio[1]
 
 
 def _ratio(solution: Solution, bars: ErrorBars, name: str, denominator: ParameterEstimate) -> ParameterEstimate:

@@ -8,11 +8,11 @@ import math
 import torch
 from torch import Tensor
 
-from matest.capture import Batch, Samples
-from matest.estimators import Linearisation, Problem
+from matest.capture import Samples
+from matest.estimators import Problem
 from matest.estimators.linear import amplitudes
-from matest.estimators.linearise import in_memory, product
-from matest.estimators.separable import coefficients, compress, separates
+from matest.estimators.linearise import product
+from matest.estimators.search import normal_equations
 
 NODES = 64
 
@@ -20,7 +20,7 @@ NODES = 64
 def excess(problem: Problem, unknowns: Tensor, samples: Samples, nodes: int = NODES) -> float:
     """χ² at `unknowns` above the lowest on a grid where every node has its best amplitudes; negative below it.
 
-    Weights follow from the noise at the model's radiance for `unknowns`.
+    The likelihood is expanded about the model's radiance for `unknowns`.
 
     Args:
         problem: what was estimated, without gauges.
@@ -33,7 +33,7 @@ def excess(problem: Problem, unknowns: Tensor, samples: Samples, nodes: int = NO
     points = [unknowns, *(_moved(problem, unknowns, values) for values in itertools.product(*axes))]
     batches = [samples.at(image, samples.indices(place)) for place, image in enumerate(samples.images)]
     batches = [batch for batch in batches if len(batch)]
-    factors, gram, moment = (_separated if separates(problem) else _evaluated)(problem, batches, unknowns, points)
+    factors, gram, moment = normal_equations(problem, batches, points, unknowns)
     values = problem.values(unknowns)
     own = torch.stack([product(values, names).expand(problem.channels) for names in factors], dim=-1)
     cost = float((own * ((gram[0] @ own[..., None])[..., 0] - 2 * moment[0])).sum())
@@ -55,39 +55,3 @@ def _moved(problem: Problem, unknowns: Tensor, shapes: tuple[float, ...]) -> Ten
     for name, value in zip(problem.shapes, shapes, strict=True):
         moved[problem.where[name]] = value
     return moved
-
-
-Normal = tuple[list[tuple[str, ...]], Tensor, Tensor]
-
-
-def _evaluated(problem: Problem, batches: list[Batch], reference: Tensor, points: list[Tensor]) -> Normal:
-    """Factors of the T terms, their Gram matrices [G, C, T, T] and moments [G, C, T] at every point."""
-    with torch.no_grad():
-        weighing = Linearisation(problem, reference, derivatives=False)
-        weights = [batch.weight(weighing.radiance(batch)).T.double() for batch in batches]
-        grams, moments = [], []
-        for point in points:
-            linearisation = Linearisation(problem, point, derivatives=False)
-            gram, moment = torch.zeros(()), torch.zeros(())
-            for batch, weight in zip(batches, weights, strict=True):
-                basis = linearisation.basis(batch, cut=False)
-                columns = basis.columns.permute(2, 0, 1).double()
-                weighted = columns * weight[:, None]
-                gram = gram + weighted @ columns.mT
-                moment = moment + (weighted @ batch.radiance.T[..., None].double())[..., 0]
-            grams.append(gram)
-            moments.append(moment)
-    return basis.factors, torch.stack(grams), torch.stack(moments)
-
-
-def _separated(problem: Problem, batches: list[Batch], reference: Tensor, points: list[Tensor]) -> Normal:
-    """The same from one evaluation of images that do not depend on the shape parameters."""
-    total = compress(problem, in_memory(batches), None, reference).total
-    grams, moments = [], []
-    for point in points:
-        at = coefficients(problem, point)
-        # Images to terms, [C, K, T].
-        weights = torch.stack([torch.block_diag(*rows).T for rows in zip(*at.weights, strict=True)])
-        grams.append(weights.mT @ total.gram @ weights)
-        moments.append((weights.mT @ total.moment[..., None])[..., 0])
-    return at.factors, torch.stack(grams), torch.stack(moments)

@@ -168,12 +168,12 @@ def fit(
     count = _PILOT
     batches = pilot(samples, count, seed)
     found = fit_batches(problem, batches, start)
-    while relative_error(found) > precision > 0 and _GROWTH * count < _SUBSAMPLE * len(samples):
+    while largest_relative_std(found) > precision > 0 and _GROWTH * count < _SUBSAMPLE * len(samples):
         count *= _GROWTH
         batches = pilot(samples, count, seed)
         found = fit_batches(found.problem, batches, found.unknowns)
     tiles: Iterable[Sequence[Callable[[], Batch]]] = in_memory(batches)
-    if relative_error(found) > precision:
+    if largest_relative_std(found) > precision:
         progress("refining over all samples")
         tiles, reference, misfit = AllTiles(samples), found.unknowns, found.misfit
         evaluate = _passes(found.problem, tiles, reference, reference, misfit)
@@ -182,7 +182,7 @@ def fit(
     return replace(found, unknowns=found.problem.wrapped(found.unknowns), tiles=tiles)
 
 
-def relative_error(found: Solution) -> float:
+def largest_relative_std(found: Solution) -> float:
     """The largest relative standard error of the unknowns that are determined and not at a bound."""
     problem, statistics = found.problem, found.statistics
     free = ~at_bound(problem, found.unknowns, statistics.gradient)

@@ -63,12 +63,12 @@ class Search:
 def search(problem: Problem, batches: list[Batch]) -> Search:
     """Evaluate the grid; every node's amplitudes are the bounded least-squares solution there.
 
-    Weights follow from the measured radiance.
+    Weights are those of a first guess (`Batch.measured`).
     """
     count = min(_NODES, int(_ALL_NODES ** (1 / max(len(problem.shapes), 1))))
     nodes = [_grid(problem, name, count) for name in problem.shapes]
     points = [_with_shapes(problem, combination) for combination in itertools.product(*nodes)]
-    factors, gram, moment = (_separated if separates(problem) else _evaluated)(problem, batches, points)
+    factors, gram, moment = normal_equations(problem, batches, points)
 
     trials: list[dict[str, Tensor]] = [{}]
     if problem.gauges:
@@ -92,29 +92,43 @@ def search(problem: Problem, batches: list[Batch]) -> Search:
 Normal = tuple[list[tuple[str, ...]], Tensor, Tensor]
 
 
-def _evaluated(problem: Problem, batches: list[Batch], points: list[Tensor]) -> Normal:
-    """Factors of the T terms, their Gram matrices [G, C, T, T] and moments [G, C, T] at every point u [P]."""
-    weights = [batch.measured().weight for batch in batches]
+def normal_equations(
+    problem: Problem, batches: list[Batch], points: list[Tensor], reference: Tensor | None = None
+) -> Normal:
+    """Factors of the T terms, their Gram matrices [G, C, T, T] and moments [G, C, T] at every point u [P].
+
+    The likelihood is expanded about the model's radiance for `reference` u [P]; None: for a first guess.
+    """
+    return (_separated if separates(problem) else _evaluated)(problem, batches, points, reference)
+
+
+@torch.no_grad()
+def _evaluated(problem: Problem, batches: list[Batch], points: list[Tensor], reference: Tensor | None) -> Normal:
+    if reference is None:
+        views = [batch.measured() for batch in batches]
+    else:
+        about = Linearisation(problem, reference, derivatives=False)
+        views = [batch.working(about.radiance(batch)) for batch in batches]
     factors: list[tuple[str, ...]] = []
     grams, moments = [], []
     for unknowns in points:
         linearisation = Linearisation(problem, unknowns, derivatives=False)
         gram, moment = torch.zeros(()), torch.zeros(())
-        for batch, weight in zip(batches, weights, strict=True):
+        for batch, view in zip(batches, views, strict=True):
             basis = linearisation.basis(batch, cut=False)
             factors = basis.factors
             columns = basis.columns.permute(2, 0, 1).double()
-            weighted = columns * weight.T[:, None].double()
+            weighted = columns * view.weight.T[:, None].double()
             gram = gram + (weighted @ columns.mT).cpu()
-            moment = moment + (weighted @ batch.radiance.T[..., None].double())[..., 0].cpu()
+            moment = moment + (weighted @ view.response.T[..., None].double())[..., 0].cpu()
         grams.append(gram)
         moments.append(moment)
     return factors, torch.stack(grams), torch.stack(moments)
 
 
-def _separated(problem: Problem, batches: list[Batch], points: list[Tensor]) -> Normal:
-    """The same from one evaluation of the images."""
-    total = compress(problem, in_memory(batches), None, None).total
+def _separated(problem: Problem, batches: list[Batch], points: list[Tensor], reference: Tensor | None) -> Normal:
+    """From one evaluation of the images."""
+    total = compress(problem, in_memory(batches), None, reference).total
     factors: list[tuple[str, ...]] = []
     grams, moments = [], []
     for unknowns in points:
