@@ -96,7 +96,8 @@ def test_the_grid_of_the_search_is_the_same_either_way(expression: str) -> None:
     chosen = problem(expression, channels=3)
     points = [ordinary(chosen, seed) for seed in range(4)]
     batches = [whole(samples(0.2))]
-    for found, expected in zip(_separated(chosen, batches, points), _evaluated(chosen, batches, points), strict=True):
+    both = (grid(chosen, batches, points, None) for grid in (_separated, _evaluated))
+    for found, expected in zip(*both, strict=True):
         if isinstance(found, torch.Tensor):
             torch.testing.assert_close(found, expected, rtol=1e-10, atol=1e-10 * float(expected.abs().max()))
         else:
