@@ -45,7 +45,11 @@ def gathered_light(points: Points) -> Tensor:
 
 def lit_directions(points: Points) -> Directions:
     """Directions [..., L, 1] of every point and light, safe below the horizon."""
-    return above_horizon(points.wi, points.wo[..., None, :])[0]
+    wi, wo = points.wi, points.wo[..., None, :]
+    # Seen and lit pixels are above it: nothing to make safe.
+    if bool((wi[..., 2] > 0).all()) and bool((wo[..., 2] > 0).all()):
+        return Directions(wi, wo)
+    return above_horizon(wi, wo)[0]
 
 
 def render(

@@ -15,7 +15,7 @@ from matest.benchmark.record import Progress, Record
 from matest.benchmark.simulated import CLEAN, Conditions
 from matest.benchmark.tables import by_case, case_name, figure, notes, ruled
 from matest.benchmark.trial import Trial, described, trial
-from matest.estimators.linearise import processors
+from matest.estimators.walk import processors
 
 MODELS = ("lambert", "oren-nayar", "oren-nayar-exact", "cook-torrance", "li-torrance")
 CAPTURES, CAPTURES_QUICK = 2000, 6

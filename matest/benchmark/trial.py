@@ -12,7 +12,7 @@ import matest
 from matest.benchmark.optimum import excess
 from matest.benchmark.simulated import CLEAN, Conditions, Draw, draw
 from matest.estimators import AllTiles, Problem, accumulate
-from matest.estimators.linearise import single_threaded_torch
+from matest.estimators.walk import single_threaded_torch
 from matest.identifiability.forecast import unknowns_at
 from matest.result import Estimate
 from matest.specification import Constraints, specify

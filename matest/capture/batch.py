@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import torch
@@ -16,6 +17,8 @@ from matest.scene import Points
 TRUSTED, REJECTED = 4.0, 6.0
 # A value that may have been clipped, closer to the end of the sensor's range than this, says little of the fit.
 _CLEAR = 3.0
+# A patch of pixels is not merged where the model bends by more than this share of the noise of the patch's mean.
+_BENT = 0.25
 _LOG_ROOT_TWO_PI = 0.5 * math.log(2 * math.pi)
 
 
@@ -41,11 +44,48 @@ class Working(NamedTuple):
         weight: inverse variance, less for what is clipped, 0 for outliers.
         plain: values that a goodness of fit may be judged by: measured, and not near the ends of the sensor's range
             where the reference is too.
+        copies, scatter: as in `Batch`.
     """
 
     response: Tensor
     weight: Tensor
     plain: Tensor
+    copies: Tensor | None = None
+    scatter: Tensor | None = None
+
+
+@dataclass(frozen=True)
+class Merged:
+    """Patches of pixels in a batch: first four samples for each of m patches, then their centres, which count nothing.
+
+    Attributes:
+        count: m.
+        pixels: number of pixels of a patch.
+        single: gives the samples of some of the patches (bool [m]) pixel by pixel.
+    """
+
+    count: int
+    pixels: int
+    single: Callable[[Tensor], Batch]
+
+    def judge(self, batch: Batch, reference: Tensor, misfit: float) -> tuple[Batch, Batch | None]:
+        """The batch without patches over which radiance is not bilinear, and those pixel by pixel.
+
+        Where it is, the centre has the mean radiance of the four.
+
+        Args:
+            batch: that these patches belong to.
+            reference, misfit: as in `Batch.working`.
+        """
+        nodes = reference[: 4 * self.count].unflatten(0, (self.count, 4))
+        centre = reference[4 * self.count : 5 * self.count]
+        noise = (batch.variance(reference)[4 * self.count : 5 * self.count] / self.pixels).sqrt()
+        bent = ((centre - nodes.mean(1)).abs() > _BENT * misfit * noise).any(dim=-1)
+        if batch.copies is None or not bool(bent.any()):
+            return batch, None
+        copies = batch.copies.clone()
+        copies[: 4 * self.count].unflatten(0, (self.count, 4))[bent] = 0
+        return replace(batch, copies=copies), self.single(bent)
 
 
 @dataclass(frozen=True)
@@ -61,6 +101,9 @@ class Batch:
         cluster: label of the block of pixels of one image, image · BLOCKS + block (None when mixed).
         runs: where several blocks follow each other in one batch, the label and length of each.
         pixels: of each sample its place among the surface's N pixels, int64 [n]; None where there is no image.
+        copies: how many pixels each sample stands for [n, 1]; its radiance is as precise as their mean. None: one.
+        scatter: mean square of what the radiance of those pixels deviates from what stands for them [n, C].
+        merged: the patches of pixels that the first samples stand for; None: every sample is a pixel.
     """
 
     points: Points
@@ -71,6 +114,9 @@ class Batch:
     cluster: int | None = None
     runs: tuple[tuple[int, int], ...] = ()
     pixels: Tensor | None = None
+    copies: Tensor | None = None
+    scatter: Tensor | None = None
+    merged: Merged | None = None
 
     def __len__(self) -> int:
         return len(self.radiance)
@@ -81,18 +127,22 @@ class Batch:
         limits = None
         if self.limits is not None:
             limits = Limits(*(value if len(value) == 1 else value[index] for value in self.limits))
-        clipped, pixels = (None if value is None else value[index] for value in (self.clipped, self.pixels))
-        points = self.points[index]
-        return Batch(points, self.radiance[index], readout, limits, clipped, self.cluster, pixels=pixels)
+        own = {name: getattr(self, name) for name in ("clipped", "pixels", "copies", "scatter")}
+        own = {name: None if value is None else value[index] for name, value in own.items()}
+        return Batch(self.points[index], self.radiance[index], readout, limits, cluster=self.cluster, **own)
 
     def variance(self, radiance: Tensor) -> Tensor:
         """Noise variance of a pixel of this true `radiance` [n, C]."""
         return self.readout.read + self.readout.gain * radiance.clamp(min=0)
 
     def weight(self, radiance: Tensor) -> Tensor:
-        """Inverse variance of a pixel of this true `radiance` [n, C]; 0 where the measured value is clipped."""
-        weight = 1 / self.variance(radiance)
+        """Inverse variance of samples of this true `radiance` [n, C]; 0 where the measured value is clipped."""
+        weight = self._merged(1 / self.variance(radiance))
         return weight if self.clipped is None else weight * (self.clipped == 0)
+
+    def _merged(self, weight: Tensor) -> Tensor:
+        """The weight of samples whose pixels have this weight each."""
+        return weight if self.copies is None else weight * self.copies
 
     def measured(self) -> Working:
         """The problem for a first guess: one variance a channel, clipped values taken as measured.
@@ -101,8 +151,9 @@ class Batch:
         is lower than it should be, but there.
         """
         typical = self.radiance.median(dim=0, keepdim=True).values if len(self) else self.radiance
-        weight = (1 / self.variance(typical)).expand_as(self.radiance)
-        return Working(self.radiance, weight, torch.ones_like(weight, dtype=torch.bool))
+        weight = self._merged((1 / self.variance(typical)).expand_as(self.radiance))
+        plain = torch.ones_like(weight, dtype=torch.bool)
+        return Working(self.radiance, weight, plain, self.copies, self.scatter)
 
     def working(self, reference: Tensor, misfit: float = 1.0) -> Working:
         """The problem whose solution is, to second order, the maximum of the likelihood.
@@ -124,25 +175,27 @@ class Batch:
         if float(squared.max()) > far:
             weight = _trust(squared.sqrt() / misfit) * weight
         if self.limits is None:
-            return Working(self.radiance, weight, torch.ones_like(weight, dtype=torch.bool))
+            plain = torch.ones_like(weight, dtype=torch.bool)
+            return Working(self.radiance, self._merged(weight), plain, self.copies, self.scatter)
         lower, upper = self.limits
         std = variance.sqrt()
         plain = (reference - lower > _CLEAR * std) & (upper - reference > _CLEAR * std)
         # What lies far from the reference was not clipped by chance.
         plain = plain | (squared > far)
-        if self.clipped is None:
-            return Working(self.radiance, weight, plain)
-        side = self.clipped.to(reference)
-        spread = misfit * std
-        z = side * (reference - torch.where(side > 0, upper, lower).nan_to_num()) / spread
-        hazard = torch.exp(-0.5 * z.square() - torch.special.log_ndtr(z) - _LOG_ROOT_TWO_PI)
-        censored, trust = side != 0, _trust(-z)
-        return Working(
-            response=torch.where(censored, reference + side * spread / (hazard + z), self.radiance),
-            weight=torch.where(censored, trust * hazard * (hazard + z) / variance, weight),
+        response, weight = self.radiance, self._merged(weight)
+        if self.clipped is not None and bool(self.clipped.any()):
+            response, weight, plain = response.clone(), weight.clone(), plain.clone()
+            at = self.clipped.nonzero(as_tuple=True)
+            side, mean, spread = self.clipped[at].to(reference), reference[at], misfit * std.expand_as(reference)[at]
+            end = torch.where(side > 0, upper.expand_as(reference)[at], lower.expand_as(reference)[at])
+            z = side * (mean - end) / spread
+            hazard = torch.exp(-0.5 * z.square() - torch.special.log_ndtr(z) - _LOG_ROOT_TWO_PI)
+            trust = _trust(-z)
+            response[at] = mean + side * spread / (hazard + z)
+            weight[at] = trust * hazard * (hazard + z) / (spread / misfit).square()
             # A clipped value says nothing of how well the model fits, unless it is an outlier.
-            plain=torch.where(censored, trust == 0, plain),
-        )
+            plain[at] = trust == 0
+        return Working(response, weight, plain, self.copies, self.scatter)
 
 
 def _trust(deviation: Tensor) -> Tensor:

@@ -80,7 +80,9 @@ class Capture:
 
     def radiance(self, image: int, index: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Measured radiance [n, C] of object pixels, float32."""
-        signal = self.encoding.signal(self.stored[image][index], index)
+        stored = self.stored[image]
+        chosen = stored[index] if isinstance(index, slice) else np.take(stored, index, axis=0)
+        signal = self.encoding.signal(chosen, index)
         return signal * np.float32(self.encoding.scale / self.exposures[image])
 
     def release(self, image: int) -> None:

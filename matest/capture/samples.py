@@ -67,9 +67,9 @@ class Samples:
             usable = ~surface.rim
             dark = usable & (self._dark(image) | ~self._lit(image))
             usable &= ~dark
-            saturated = self.capture.encoding.saturated(self.capture.stored[image]).any(axis=1)
+            saturated = self._saturated(image)
             self.capture.release(image)
-            return np.packbits(usable), int(dark.sum()), int((usable & saturated).sum())
+            return np.packbits(usable), int(dark.sum()), 0 if saturated is None else int((usable & saturated).sum())
 
         with ThreadPoolExecutor() as pool:
             usable_bits, dark, saturated = (list(column) for column in zip(*pool.map(select, self.images), strict=True))
@@ -83,15 +83,24 @@ class Samples:
         counts = [int(np.bitwise_count(bits).sum()) for bits in usable_bits]
         return _Selection(usable_bits, counts, skipped)
 
+    def _saturated(self, image: int) -> np.ndarray | None:
+        """Pixels with a saturated channel [N]; None where there are none."""
+        stored, saturated = self.capture.stored[image], self.capture.encoding.saturated
+        if not saturated(stored.max(keepdims=True, initial=0)).any():
+            return None
+        return np.asarray(saturated(stored).any(axis=1))
+
     def _lit(self, image: int) -> np.ndarray:
         """True where some light, or ambient light, reaches the pixel, and no shadow edge crosses it."""
         scene = self.capture.scene
         surface = scene.surface
         lit = np.full(len(surface), bool((scene.ambient[image] > 0).any()))
         shadows = scene.shadows[image] if scene.shadows else None
+        normals = surface.normals_as(torch.float32)
+        positions = None if surface.positions is None else surface.positions.float()
         for number, light in enumerate(scene.lights[image]):
-            toward, _ = light.at(surface.positions)
-            cos = surface.normals @ toward[0] if len(toward) == 1 else (surface.normals * toward).sum(-1)
+            toward, _ = light.to(torch.float32, "cpu").at(positions)
+            cos = normals @ toward[0] if len(toward) == 1 else (normals * toward).sum(-1)
             faces = (cos > 0).numpy()
             lit |= faces if shadows is None else faces & ~shadows[number]
         edge = scene.shadow_edge[image] if scene.shadow_edge else None
@@ -122,27 +131,39 @@ class Samples:
     def __len__(self) -> int:
         return sum(self.counts)
 
+    def usable(self, position: int) -> np.ndarray:
+        """Whether each pixel of the surface is usable in the image at `position` in `images` [N]."""
+        count = len(self.capture.scene.surface)
+        return np.unpackbits(self._selection.usable[position], count=count).view(bool)
+
     def indices(self, position: int) -> np.ndarray:
         """Usable pixels (indices into the surface) of the image at `position` in `images`."""
-        count = len(self.capture.scene.surface)
-        return np.flatnonzero(np.unpackbits(self._selection.usable[position], count=count))
+        return np.flatnonzero(self.usable(position))
 
     def at(self, image: int, index: np.ndarray, cluster: int | None = None) -> Batch:
         """The samples of one image at some pixels."""
-        capture = self.capture
-        chosen = torch.from_numpy(index.astype(np.int64))
         return Batch(
-            points=capture.scene.points(image, chosen, dtype=self.dtype, device=self.device),
-            radiance=as_tensor(capture.radiance(image, index), self.dtype, self.device),
-            readout=self._readout(image, index),
-            limits=self._limits(image, index),
-            clipped=self._clipped(image, index),
+            points=self.points(image, index),
+            radiance=self.radiance(image, index),
+            readout=self.readout(image, index),
+            limits=self.limits(image, index),
+            clipped=self.clipped(image, index),
             cluster=cluster,
-            pixels=chosen.to(self.device),
+            pixels=torch.from_numpy(index.astype(np.int64)).to(self.device),
         )
 
-    def _clipped(self, image: int, index: np.ndarray) -> Tensor | None:
-        stored = self.capture.stored[image][index]
+    def points(self, image: int, index: np.ndarray) -> Points:
+        """Geometry and light of some pixels of an image."""
+        chosen = torch.from_numpy(index.astype(np.int64))
+        return self.capture.scene.points(image, chosen, dtype=self.dtype, device=self.device)
+
+    def radiance(self, image: int, index: np.ndarray) -> Tensor:
+        """Measured radiance of some pixels of an image [n, C]."""
+        return as_tensor(self.capture.radiance(image, index), self.dtype, self.device)
+
+    def clipped(self, image: int, index: np.ndarray) -> Tensor | None:
+        """Which values are clipped, as in `Batch`."""
+        stored = np.take(self.capture.stored[image], index, axis=0)
         black = stored.dtype.kind == "u" and stored.min(initial=1) == 0
         if not black and not self.capture.encoding.saturated(stored.max(axis=0, keepdims=True, initial=0)).any():
             return None
@@ -151,7 +172,8 @@ class Samples:
             clipped -= stored == 0
         return torch.from_numpy(clipped).to(self.device)
 
-    def _limits(self, image: int, index: np.ndarray) -> Limits | None:
+    def limits(self, image: int, index: np.ndarray) -> Limits | None:
+        """Radiance at which some pixels of an image clip; None where none do."""
         capture = self.capture
         ends = capture.encoding.limits(capture.stored[image].dtype, index)
         if ends is None:
@@ -159,7 +181,8 @@ class Samples:
         scale = capture.encoding.scale / capture.exposures[image]
         return Limits(*(as_tensor(end * scale, self.dtype, self.device) for end in ends))
 
-    def _readout(self, image: int, index: np.ndarray) -> Readout:
+    def readout(self, image: int, index: np.ndarray) -> Readout:
+        """Noise of some pixels of an image."""
         capture = self.capture
         flat = capture.encoding.flat
         scale = np.full((1, 1), capture.encoding.scale / capture.exposures[image])
@@ -202,14 +225,14 @@ class Samples:
     def _clusters(self, position: int) -> list[tuple[int, np.ndarray]]:
         """Blocks of an image: their labels, position · BLOCKS + block, and usable pixels."""
         index = self.indices(position)
-        own = self._blocks[index]
+        own = self.blocks[index]
         order = np.argsort(own, kind="stable")
         blocks, starts = np.unique(own[order], return_index=True)
         parts = np.split(index[order], starts[1:])
         return [(position * BLOCKS + int(block), part) for block, part in zip(blocks, parts, strict=False)]
 
     @cached_property
-    def _blocks(self) -> np.ndarray:
+    def blocks(self) -> np.ndarray:
         """The block of the object's bounding box that each pixel of the surface lies in [N]."""
         surface = self.capture.scene.surface
         rows, columns = np.divmod(surface.pixels, surface.shape[1])

@@ -2,7 +2,8 @@
 
 from matest.estimators.fit import AllTiles, fit, fit_batches
 from matest.estimators.levenberg_marquardt import Solution, at_bound, bounded_step
-from matest.estimators.linearise import Linearisation, Statistics, accumulate
+from matest.estimators.linearise import Linearisation, accumulate
+from matest.estimators.moments import Statistics
 from matest.estimators.pilot import pilot
 from matest.estimators.problem import Problem
 

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import torch
 from torch import Tensor
 
 from matest.capture import Batch, Samples
 from matest.capture.batch import REJECTED, TRUSTED
+from matest.capture.patches import Patches
 from matest.estimators.levenberg_marquardt import Evaluate, Solution, at_bound, minimise
-from matest.estimators.linearise import Linearisation, accumulate, in_memory, single_threaded_torch
+from matest.estimators.linearise import Linearisation, accumulate
 from matest.estimators.pilot import pilot
 from matest.estimators.problem import Problem
 from matest.estimators.search import search
-from matest.estimators.separable import compress, separates
+from matest.estimators.separable import compress, separates, statistics
+from matest.estimators.walk import Tiles, in_memory, single_threaded_torch
 from matest.uncertainty import fisher
 
 _PILOT, _SEARCH = 24_000, 4_000
@@ -34,6 +36,8 @@ _MOST_OUTLIERS = 0.1
 # Median of |N(0, 1)|.
 _MEDIAN_DEVIATION = 0.6745
 _GAUGE_ROUNDS = 6
+# Images worked on at once.
+_GROUP = 4
 _PILOT_PASSES, _FULL_PASSES = 60, 20
 
 Progress = Callable[[str], None]
@@ -172,10 +176,11 @@ def fit(
         count *= _GROWTH
         batches = pilot(samples, count, seed)
         found = fit_batches(found.problem, batches, found.unknowns)
-    tiles: Iterable[Sequence[Callable[[], Batch]]] = in_memory(batches)
+    tiles: Tiles = in_memory(batches)
     if largest_relative_std(found) > precision:
         progress("refining over all samples")
-        tiles, reference, misfit = AllTiles(samples), found.unknowns, found.misfit
+        reference, misfit = found.unknowns, found.misfit
+        tiles = AllTiles(samples, merge=True, misfit=misfit)
         evaluate = _passes(found.problem, tiles, reference, reference, misfit)
         found = minimise(found.problem, reference, evaluate, passes=_FULL_PASSES, tolerance=0.03)
         found = replace(found, misfit=misfit)
@@ -195,24 +200,39 @@ def largest_relative_std(found: Solution) -> float:
 
 @dataclass(frozen=True)
 class AllTiles:
-    """Every sample, image by image and tile by tile, computed when a worker asks for it."""
+    """Every sample, a few images at a time and tile by tile, computed when a worker asks for it.
+
+    Attributes:
+        samples: all of them.
+        merge: let four samples stand for every smooth patch of pixels (`Patches`).
+        misfit: see `Batch.working`.
+    """
 
     samples: Samples
+    merge: bool = False
+    misfit: float = 1.0
+
+    @cached_property
+    def patches(self) -> Patches:
+        return Patches(self.samples, self.misfit, merge=self.merge)
 
     def __iter__(self) -> Iterator[list[Callable[[], Batch]]]:
-        for position, image in enumerate(self.samples.images):
-            yield [partial(self.samples.bundled, pieces) for pieces in self.samples.bundles(position)]
-            self.samples.capture.release(image)
+        count = len(self.samples.images)
+        for first in range(0, count, _GROUP):
+            group = range(first, min(first + _GROUP, count))
+            yield [partial(self.patches.batch, k, part) for k in group for part in range(self.patches.parts(k))]
+            for k in group:
+                self.samples.capture.release(self.samples.images[k])
 
 
 def _passes(
     problem: Problem,
-    tiles: Iterable[Sequence[Callable[[], Batch]]],
+    tiles: Tiles,
     origin: Tensor,
     reference: Tensor | None,
     misfit: float,
 ) -> Evaluate:
     """Statistics at any unknowns near `origin`: by a pass each, or from a single one where the model separates."""
     if separates(problem):
-        return compress(problem, tiles, origin, reference, misfit).statistics
+        return partial(statistics, problem, compress(problem, tiles, origin, reference, misfit))
     return partial(accumulate, problem, tiles=tiles, reference=reference, misfit=misfit)

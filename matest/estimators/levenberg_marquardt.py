@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
-from matest.capture import Batch
-from matest.estimators.linearise import Statistics
+from matest.estimators.moments import Statistics
 from matest.estimators.problem import Problem
+from matest.estimators.walk import Tiles
 
 # A promised drop in χ² below this share of it drowns in single-precision rounding; where it does, the estimate counts
 # as converged if the step it comes from is no longer than so many standard errors.
@@ -43,7 +43,7 @@ class Solution:
     last_step: float
     converged: bool
     misfit: float = 1.0
-    tiles: Iterable[Sequence[Callable[[], Batch]]] = ()
+    tiles: Tiles = ()
 
 
 def at_bound(problem: Problem, unknowns: Tensor, gradient: Tensor) -> Tensor:

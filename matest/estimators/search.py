@@ -12,9 +12,11 @@ from torch import Tensor
 
 from matest.capture import Batch
 from matest.estimators.linear import amplitudes
-from matest.estimators.linearise import Linearisation, in_memory
+from matest.estimators.linearise import Linearisation
+from matest.estimators.moments import moments
 from matest.estimators.problem import Problem
 from matest.estimators.separable import coefficients, compress, separates
+from matest.estimators.walk import in_memory
 
 # Nodes per shape parameter, at most so many in all.
 _NODES, _ALL_NODES = 15, 400
@@ -110,20 +112,18 @@ def _evaluated(problem: Problem, batches: list[Batch], points: list[Tensor], ref
         about = Linearisation(problem, reference, derivatives=False)
         views = [batch.working(about.radiance(batch)) for batch in batches]
     factors: list[tuple[str, ...]] = []
-    grams, moments = [], []
+    grams, vectors = [], []
     for unknowns in points:
-        linearisation = Linearisation(problem, unknowns, derivatives=False)
-        gram, moment = torch.zeros(()), torch.zeros(())
-        for batch, view in zip(batches, views, strict=True):
-            basis = linearisation.basis(batch, cut=False)
-            factors = basis.factors
-            columns = basis.columns.permute(2, 0, 1).double()
-            weighted = columns * view.weight.T[:, None].double()
-            gram = gram + (weighted @ columns.mT).cpu()
-            moment = moment + (weighted @ view.response.T[..., None].double())[..., 0].cpu()
-        grams.append(gram)
-        moments.append(moment)
-    return factors, torch.stack(grams), torch.stack(moments)
+        at = Linearisation(problem, unknowns, derivatives=False)
+        factors = at.factors
+        parts = [
+            part
+            for batch, view in zip(batches, views, strict=True)
+            for _, part in moments(at.images(batch, cut=False), view, view.response, batch)
+        ]
+        grams.append(torch.stack([part.gram for part in parts]).sum(0))
+        vectors.append(torch.stack([part.moment for part in parts]).sum(0))
+    return factors, torch.stack(grams), torch.stack(vectors)
 
 
 def _separated(problem: Problem, batches: list[Batch], points: list[Tensor], reference: Tensor | None) -> Normal:

@@ -6,28 +6,20 @@ touches. Their Gram matrix and moments, once added up, give χ² and its derivat
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
 from matest.brdf import Term
 from matest.capture import Batch
-from matest.capture.batch import Working
 from matest.directions import Directions
-from matest.estimators.linearise import (
-    Statistics,
-    Sums,
-    blocks,
-    derivative,
-    part_of,
-    product,
-    scores,
-    walk,
-)
+from matest.estimators.images import Images, illuminate
+from matest.estimators.linearise import collect, derivative, product
+from matest.estimators.moments import Compressed, Statistics
 from matest.estimators.problem import Problem
-from matest.shader import check_sky, gathered_light, interpolate, lit_directions, sky_nodes, sky_terms
+from matest.estimators.walk import Tiles
+from matest.shader import check_sky, lit_directions, sky_nodes, sky_terms
 
 
 @dataclass(frozen=True)
@@ -107,90 +99,8 @@ def _probe(problem: Problem, unknowns: Tensor, copies: int) -> tuple[tuple[Term,
         return problem.brdf.replace(values).terms(Directions(normal, normal)), leaves
 
 
-@dataclass(frozen=True)
-class Moments:
-    """Additive statistics of the images Φ [n, C, K] of some samples, double precision; r is a residual.
-
-    Attributes:
-        gram: ΦᵀWΦ [C, K, K].
-        moment: ΦᵀWr [C, K].
-        cost, chi2, values, outliers, squared_residual, squared_signal, samples: as in `Sums`.
-    """
-
-    gram: Tensor
-    moment: Tensor
-    cost: float
-    chi2: float
-    values: int
-    outliers: int
-    squared_residual: float
-    squared_signal: float
-    samples: int
-
-    @classmethod
-    def of(cls, images: Tensor, working: Working, residual: Tensor) -> Moments:
-        """Of images [C, n, K] and residuals [n, C]."""
-        weighted = images * working.weight.T[..., None]
-        columns = residual.T[..., None]
-        return cls(
-            gram=(weighted.mT @ images).double().cpu(),
-            moment=(weighted.mT @ columns)[..., 0].double().cpu(),
-            **scores(working, residual),
-        )
-
-    def __add__(self, other: Moments) -> Moments:
-        return Moments(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
-
-
-@dataclass(frozen=True)
-class Compressed:
-    """All that a separable problem needs of its samples.
-
-    Attributes:
-        problem: what is estimated.
-        origin: coefficients g [C, K] that residuals were taken from.
-        clusters: moments of every block of pixels.
-    """
-
-    problem: Problem
-    origin: Tensor
-    clusters: dict[int, Moments]
-
-    @property
-    def total(self) -> Moments:
-        return sum(list(self.clusters.values())[1:], start=next(iter(self.clusters.values())))
-
-    def statistics(self, unknowns: Tensor) -> Statistics:
-        """What a pass over the samples at u [P] would give; the squared residual stays that at the origin."""
-        at = coefficients(self.problem, unknowns)
-        change = at.total - self.origin
-        # Derivatives of the coefficients of each channel by u, [C, K, P].
-        slopes = at.slopes.permute(1, 2, 0) @ self.problem.selectors
-        out = Statistics()
-        for label, own in self.clusters.items():
-            moved = (own.gram @ change[..., None])[..., 0]
-            rise = float((change * (moved - 2 * own.moment)).sum())
-            sums = Sums(
-                information=(slopes.mT @ own.gram @ slopes).sum(0),
-                gradient=(slopes.mT @ (own.moment - moved)[..., None]).sum(0)[:, 0],
-                cost=own.cost + rise,
-                chi2=own.chi2 + rise,
-                values=own.values,
-                outliers=own.outliers,
-                squared_residual=own.squared_residual,
-                squared_signal=own.squared_signal,
-                samples=own.samples,
-            )
-            out.add(label, sums)
-        return out
-
-
 def compress(
-    problem: Problem,
-    tiles: Iterable[Sequence[Callable[[], Batch]]],
-    origin: Tensor | None,
-    reference: Tensor | None,
-    misfit: float = 1.0,
+    problem: Problem, tiles: Tiles, origin: Tensor | None, reference: Tensor | None, misfit: float = 1.0
 ) -> Compressed:
     """One walk over the samples of a problem that `separates`; tiles as in `accumulate`.
 
@@ -202,29 +112,28 @@ def compress(
         reference: the likelihood is expanded about the model's radiance for these unknowns; None: about the measured.
         misfit: see `Batch.working`.
     """
-    images = _Images(problem, coefficients(problem, origin).total if origin is not None else None)
-    weighing = coefficients(problem, reference).total if reference is not None else None
+    images = _Images(problem, None if origin is None else coefficients(problem, origin).total)
+    weighing = None if reference is None else coefficients(problem, reference).total
 
-    def work(tile: Callable[[], Batch]) -> list[tuple[int, Moments]]:
-        with torch.no_grad():
-            batch = tile()
-            columns = images.of(batch)
+    def expand(batch: Batch) -> tuple[Images, Tensor, Tensor | None]:
+        found = images.of(batch)
+        radiance = torch.zeros_like(batch.radiance) if images.origin is None else found.radiance(images.origin)
+        if weighing is None:
+            return found, radiance, None
+        same = images.origin is not None and torch.equal(weighing, images.origin)
+        return found, radiance, radiance if same else found.radiance(weighing)
 
-            def radiance(total: Tensor) -> Tensor:
-                return (columns @ total.to(columns)[..., None])[..., 0].T
+    start = images.origin
+    if start is None:
+        start = torch.zeros_like(coefficients(problem, torch.full((problem.size,), 0.5, dtype=torch.float64)).total)
+    return collect(tiles, expand, start, misfit)
 
-            working = batch.measured() if weighing is None else batch.working(radiance(weighing), misfit)
-            residual = working.response if images.origin is None else working.response - radiance(images.origin)
-            return [
-                (cluster, Moments.of(columns[:, part], part_of(working, part), residual[part]))
-                for cluster, part in blocks(batch)
-            ]
 
-    clusters: dict[int, Moments] = {}
-    for cluster, moments in walk(tiles, work):
-        clusters[cluster] = clusters[cluster] + moments if cluster in clusters else moments
-    zero = torch.zeros_like(next(iter(clusters.values())).moment)
-    return Compressed(problem, zero if images.origin is None else images.origin, clusters)
+def statistics(problem: Problem, compressed: Compressed, unknowns: Tensor) -> Statistics:
+    """What a pass over the samples at u [P] would give."""
+    at = coefficients(problem, unknowns)
+    # Derivatives of the coefficients of each channel by u, [C, K, P].
+    return compressed.statistics(at.total, at.slopes.permute(1, 2, 0) @ problem.selectors)
 
 
 class _Images:
@@ -235,31 +144,22 @@ class _Images:
         self._problem = problem
         # The images do not depend on these values.
         self._anywhere = problem.values(torch.full((problem.size,), 0.5, dtype=torch.float64))
-        self._sky: Tensor | None = None
+        self._sky: list[Tensor] = []
 
-    def of(self, batch: Batch) -> Tensor:
-        """Φ [C, n, K]: radiance at unit coefficients."""
-        points = batch.points
-        gathered = gathered_light(points)
-        shapes = self._shapes(lit_directions(points), batch.radiance)
-        if self.origin is not None:
-            gathered = gathered * (shapes @ self.origin.T.to(shapes) >= 0)
-        gathered = gathered.expand(*gathered.shape[:-1], batch.radiance.shape[-1])
-        columns = torch.einsum("nlc,nlk->cnk", gathered, shapes)
-        if points.ambient is not None:
-            if self._sky is None:
-                check_sky(self._problem.brdf)
-                nodes = sky_nodes(columns.dtype, columns.device)
-                table = Term((), self._shapes(nodes.directions, batch.radiance))
-                self._sky = sky_terms((table,))[0].shape
-            ambient = points.ambient.expand(columns.shape[1], -1)
-            columns = columns + ambient.T[..., None] * interpolate(self._sky, points.wo[..., 2:])
-        return columns
+    def of(self, batch: Batch) -> Images:
+        """Φ: radiance at unit coefficients."""
+        points, like = batch.points, batch.radiance
+        if points.ambient is not None and not self._sky:
+            check_sky(self._problem.brdf)
+            nodes = sky_nodes(like.dtype, like.device)
+            over_sky = tuple(Term((), shape) for shape in self._shapes(nodes.directions, like))
+            self._sky = [term.shape for term in sky_terms(over_sky)]
+        return illuminate(points, self._shapes(lit_directions(points), like), self._sky, self.origin, like.shape[-1])
 
-    def _shapes(self, directions: Directions, like: Tensor) -> Tensor:
-        """All images side by side [..., K]."""
+    def _shapes(self, directions: Directions, like: Tensor) -> list[Tensor]:
+        """All images [n, L, 1 or C]."""
         values = {name: value.to(like.device, like.dtype) for name, value in self._anywhere.items()}
-        terms = self._problem.brdf.replace(values).terms(directions)
-        parts = [term.shape if term.images is None else term.images for term in terms]
-        lead = torch.broadcast_shapes(*(part.shape[:-1] for part in parts))
-        return torch.cat([part.expand(*lead, -1) for part in parts], dim=-1)
+        shapes: list[Tensor] = []
+        for term in self._problem.brdf.replace(values).terms(directions):
+            shapes += [term.shape] if term.images is None else term.images.split(1, dim=-1)
+        return shapes

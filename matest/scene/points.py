@@ -65,13 +65,16 @@ def illuminate(
     lit = [light.at(positions) for light in lights]
     if blocked is not None:
         lit = [(toward, power * ~dark[:, None]) for (toward, power), dark in zip(lit, blocked, strict=True)]
-    local = to_local(normals, view, *(toward for toward, _ in lit))
     if not lit:
         channels = 1 if ambient is None else ambient.shape[-1]
-        return Points(normals.new_zeros(1, 0, 3), local[0], normals.new_zeros(1, 0, channels), ambient)
+        return Points(
+            normals.new_zeros(1, 0, 3), to_local(normals, view)[0], normals.new_zeros(1, 0, channels), ambient
+        )
+    toward = torch.stack(torch.broadcast_tensors(*(direction for direction, _ in lit)), dim=-2)
+    wi, wo = to_local(normals[:, None], toward, view[:, None])
     return Points(
-        wi=torch.stack(local[1:], dim=-2),
-        wo=local[0],
+        wi=wi,
+        wo=wo[:, 0],
         irradiance=torch.stack(torch.broadcast_tensors(*(power for _, power in lit)), dim=-2),
         ambient=ambient,
     )

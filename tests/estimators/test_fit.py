@@ -31,7 +31,7 @@ MATERIALS = [
 
 
 def weighted_residuals(chosen: Problem, batch: Batch, weights_at: Tensor) -> Callable[[np.ndarray], np.ndarray]:
-    response, weight, _ = batch.working(shade(chosen.material(weights_at), batch.points))
+    response, weight, *_ = batch.working(shade(chosen.material(weights_at), batch.points))
 
     def residuals(unknowns: np.ndarray) -> np.ndarray:
         model = shade(chosen.material(torch.from_numpy(unknowns)), batch.points)

@@ -16,7 +16,7 @@ from matest.capture import Capture
 from matest.capture.photometry import Noise
 from matest.estimators import AllTiles, Problem, accumulate, at_bound, bounded_step
 from matest.estimators.levenberg_marquardt import Evaluate, minimise
-from matest.estimators.linearise import Statistics
+from matest.estimators.moments import Statistics
 from matest.estimators.search import search
 from tests.problems import information, problem, quadratic
 from tests.simulated import Studio, coloured

@@ -14,8 +14,9 @@ from matest.brdf import MODELS, variants
 from matest.capture import Batch, Samples
 from matest.capture.photometry import Noise
 from matest.capture.samples import BLOCKS
-from matest.estimators import Linearisation, Problem, accumulate, linearise
-from matest.estimators.linearise import Statistics, single_threaded_torch
+from matest.estimators import Linearisation, Problem, accumulate, walk
+from matest.estimators.moments import Statistics
+from matest.estimators.walk import single_threaded_torch
 from matest.shader import shade
 from tests.captures import directional
 from tests.problems import ordinary, problem
@@ -153,8 +154,8 @@ def assert_same(found: Statistics, expected: Statistics, residual: bool = True) 
             other.gradient, sums.gradient, rtol=1e-8, atol=1e-8 * float(sums.gradient.abs().max())
         )
         for name in ("chi2", "squared_residual", "squared_signal")[:: 1 if residual else 2]:
-            assert getattr(other, name) == pytest.approx(getattr(sums, name), rel=1e-10)
-        assert (other.values, other.samples) == (sums.values, sums.samples)
+            assert getattr(other.scores, name) == pytest.approx(getattr(sums.scores, name), rel=1e-10)
+        assert (other.scores.values, other.scores.samples) == (sums.scores.values, sums.scores.samples)
 
 
 @pytest.mark.parametrize("size", [1, 23, 500])
@@ -172,7 +173,7 @@ def test_statistics_do_not_depend_on_the_number_of_threads(monkeypatch: pytest.M
     tiles = tiled(samples(), 17)
     results = []
     for count in (1, 2, 7):
-        monkeypatch.setattr(linearise, "processors", lambda count=count: count)
+        monkeypatch.setattr(walk, "processors", lambda count=count: count)
         results.append(accumulate(chosen, unknowns, tiles, None))
     for other in results[1:]:
         assert torch.equal(other.information, results[0].information)
@@ -202,8 +203,8 @@ def test_blocks_of_one_image_can_be_joined() -> None:
     torch.testing.assert_close(images.information, blocks.information)
     for image in range(2):
         alone = accumulate(chosen, unknowns, [[partial(pixels.at, image, pixels.indices(image))]], unknowns)
-        assert images.clusters[image].samples == len(pixels.indices(image))
-        assert images.clusters[image].chi2 == pytest.approx(alone.total("chi2"), rel=1e-5)
+        assert images.clusters[image].scores.samples == len(pixels.indices(image))
+        assert images.clusters[image].scores.chi2 == pytest.approx(alone.total("chi2"), rel=1e-5)
 
 
 def test_statistics_are_those_of_the_dense_matrices() -> None:

@@ -7,10 +7,11 @@ import torch
 
 from matest.capture import Batch
 from matest.capture.batch import Readout
-from matest.estimators.linearise import accumulate, in_memory
+from matest.estimators.linearise import accumulate
 from matest.estimators.problem import Problem
 from matest.estimators.search import _evaluated, _separated
-from matest.estimators.separable import compress, separates
+from matest.estimators.separable import compress, separates, statistics
+from matest.estimators.walk import in_memory
 from matest.scene import Points
 from matest.shader import lit_directions
 from tests.estimators.test_linearise import assert_same, samples, tiled, whole
@@ -44,7 +45,9 @@ def test_statistics_are_those_of_a_pass(chosen: Problem, ambient: float) -> None
     tiles = tiled(samples(ambient), 100)
     compressed = compress(chosen, tiles, unknowns, reference)
     for at in (unknowns, moved(unknowns)):
-        assert_same(compressed.statistics(at), accumulate(chosen, at, tiles, reference), residual=at is unknowns)
+        assert_same(
+            statistics(chosen, compressed, at), accumulate(chosen, at, tiles, reference), residual=at is unknowns
+        )
 
 
 def test_the_integral_separates_into_its_slope_nodes() -> None:
@@ -55,14 +58,14 @@ def test_the_integral_separates_into_its_slope_nodes() -> None:
     compressed = compress(chosen, tiles, unknowns, None)
     assert compressed.origin.shape == (3, 16 + 12)
     for at in (unknowns, moved(unknowns)):
-        assert_same(compressed.statistics(at), accumulate(chosen, at, tiles, None), residual=at is unknowns)
+        assert_same(statistics(chosen, compressed, at), accumulate(chosen, at, tiles, None), residual=at is unknowns)
 
 
 def test_residuals_from_the_measured_radiance_give_the_same_statistics() -> None:
     chosen = problem("fujii", channels=3)
     unknowns = ordinary(chosen, seed=4)
     tiles = tiled(samples(), 1000)
-    found = compress(chosen, tiles, None, None).statistics(unknowns)
+    found = statistics(chosen, compress(chosen, tiles, None, None), unknowns)
     assert_same(found, accumulate(chosen, unknowns, tiles, None), residual=False)
 
 
@@ -75,7 +78,7 @@ def test_light_whose_fitted_reflectance_is_negative_gives_nothing() -> None:
     unknowns = torch.tensor([0.02, 1.3], dtype=torch.float64)
     terms = chosen.material(unknowns).terms(lit_directions(batch.points))
     assert (0.02 * terms[0].shape + 0.02**2 * terms[1].shape < 0).any()
-    found = compress(chosen, in_memory([batch]), unknowns, None).statistics(unknowns)
+    found = statistics(chosen, compress(chosen, in_memory([batch]), unknowns, None), unknowns)
     assert_same(found, accumulate(chosen, unknowns, in_memory([batch]), None))
 
 

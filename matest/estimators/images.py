@@ -1,0 +1,90 @@
+"""What light makes of shapes: images whose weighted sum is the radiance of every sample."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from matest.scene import Points
+from matest.shader import interpolate
+
+# Lights have one colour where their channels differ by one factor to so many roundings.
+_ROUNDINGS = 4
+
+
+@dataclass(frozen=True)
+class Images:
+    """Radiance of n samples at unit coefficient of each of K shapes.
+
+    Attributes:
+        values: [G, K, n]; a single group where channels differ by no more than `tint`, otherwise one a channel.
+        tint: factor of every channel [C].
+    """
+
+    values: Tensor
+    tint: Tensor
+
+    def radiance(self, coefficients: Tensor) -> Tensor:
+        """Radiance [n, C] for coefficients [C, K]."""
+        return self.mixed(coefficients[:, None])[0]
+
+    def mixed(self, coefficients: Tensor) -> Tensor:
+        """Several weighted sums [Q, n, C] for coefficients [C, Q, K]."""
+        weights = coefficients.to(self.values) * self.tint[:, None, None]
+        return (weights @ self.values).permute(1, 2, 0).contiguous()
+
+
+def illuminate(
+    points: Points, shapes: Sequence[Tensor], sky: Sequence[Tensor], coefficients: Tensor | None, channels: int
+) -> Images:
+    """Images of K shapes under the light of n points.
+
+    Args:
+        points: geometry and light.
+        shapes: each [n, L, 1 or C], of every light.
+        sky: each [33, 1 or C], integrated over an even sky; empty where there is no ambient light.
+        coefficients: of the shapes [C, K]; light whose reflectance is below zero gives nothing. None: all counts.
+        channels: C.
+    """
+    cosines, irradiance = points.wi[..., 2:].clamp(min=0), points.irradiance
+    tint = None if points.ambient is not None else _tint(irradiance, channels)
+    light = (irradiance if tint is None else irradiance[..., :1]) * cosines
+    stacked = torch.stack(torch.broadcast_tensors(*shapes))
+    if coefficients is not None:
+        light = light * _positive(stacked, coefficients.to(stacked))
+    values = (stacked * light).sum(-2) if light.shape[-2] > 1 else (stacked * light)[..., 0, :]
+    if points.ambient is not None:
+        tables = torch.stack([points.ambient * interpolate(table, points.wo[..., 2:]) for table in sky])
+        values = values + tables
+    if values.shape[-1] > 1 or tint is None:
+        values = values.expand(*values.shape[:-1], channels)
+    return Images(
+        values=values.permute(2, 0, 1).contiguous(), tint=values.new_ones(channels) if tint is None else tint
+    )  # fmt: skip
+
+
+def _positive(shapes: Tensor, coefficients: Tensor) -> Tensor:
+    """1 where the reflectance Σk coefficients · shapes [K, n, L, 1 or C] is not negative [n, L, 1 or C]."""
+    if shapes.shape[-1] == 1:
+        reflectance = (coefficients @ shapes.flatten(1)).reshape(-1, *shapes.shape[1:3]).permute(1, 2, 0)
+    else:
+        reflectance = torch.einsum("ck,knlc->nlc", coefficients, shapes)
+    if float(reflectance.min()) >= 0:
+        return shapes.new_ones(1, 1, 1)
+    return (reflectance >= 0).to(shapes)
+
+
+def _tint(irradiance: Tensor, channels: int) -> Tensor | None:
+    """The factor of each channel [C] where it is the same for all lights [..., L, C]; otherwise None."""
+    if irradiance.shape[-1] != channels or not irradiance.numel():
+        return irradiance.new_ones(channels)
+    rows = irradiance.flatten(0, -2)
+    brightest = rows[rows[:, 0].argmax()]
+    if not brightest[0] > 0:
+        return None
+    tint = brightest / brightest[0]
+    tolerance = _ROUNDINGS * torch.finfo(tint.dtype).eps
+    return tint if torch.allclose(rows[:, :1] * tint, rows, rtol=tolerance, atol=0) else None

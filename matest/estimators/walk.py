@@ -1,0 +1,61 @@
+"""Walks over samples, tile by tile, with one thread per processor."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from functools import partial
+from typing import TypeVar
+
+import torch
+
+from matest.capture import Batch
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+Tiles = Iterable[Sequence[Callable[[], Batch]]]
+
+
+def walk(groups: Iterable[Sequence[Item]], work: Callable[[Item], list[Result]]) -> Iterator[Result]:
+    """What `work` gives for each tile (or what else there is), in their order.
+
+    One thread per processor works on a group.
+    """
+    with single_threaded_torch(), ThreadPoolExecutor(processors()) as pool:
+        for group in groups:
+            if len(group) == 1:
+                yield from work(group[0])
+            else:
+                yield from itertools.chain.from_iterable(pool.map(work, group))
+
+
+def in_memory(batches: Iterable[Batch]) -> list[list[Callable[[], Batch]]]:
+    """Batches that are already there, as tiles."""
+    return [[partial(_itself, batch) for batch in batches]]
+
+
+def _itself(batch: Batch) -> Batch:
+    return batch
+
+
+@contextmanager
+def single_threaded_torch() -> Iterator[None]:
+    """Let every torch call inside run on the calling thread.
+
+    Tiles are too small to be worth splitting: threads that torch starts for one wait for each other more than they
+    compute, and stall altogether beside another busy process.
+    """
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+def processors() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
