@@ -12,6 +12,7 @@ from matest.brdf.base import factor_value, named_by
 from matest.capture import Capture
 from matest.capture.samples import BLOCKS
 from matest.estimators import Problem, Solution, accumulate, at_bound, bounded_step
+from matest.likelihood_profile import profiles
 from matest.result import ParameterEstimate
 from matest.uncertainty import Covariance, correlation_of_residuals, error_of, fisher, jackknife, quantile95
 
@@ -31,6 +32,8 @@ _MIN_CLUSTERS = 4
 _VISIBLE = 4.0
 # No better known than a value drawn evenly from the domain (its std is width/√12): not determined.
 _KNOWS_NOTHING = 1 / math.sqrt(12)
+# A bound is near within so many standard errors.
+_NEAR = 3.0
 # Likewise a value at a bound whose interval covers this share of the domain.
 _ANYWHERE = 0.95
 
@@ -47,8 +50,9 @@ class ErrorBars:
         correlation: of residuals over blocks of pixels: 1 if they are independent.
         holds: whether the model describes the images to their noise.
         kind: what the error bars rest on.
-        quadratic: for unknowns at a lower bound where the model is flat in them to first order, how far inside the
-            domain the truth may lie (95 %).
+        flat: for unknowns at a lower bound where the model is flat in them to first order, about how far inside the
+            domain the truth may lie.
+        intervals: of 95 %, of the unknowns at or near a bound.
     """
 
     covariance: Covariance
@@ -58,7 +62,8 @@ class ErrorBars:
     correlation: float
     holds: bool
     kind: str
-    quadratic: dict[int, float] = field(default_factory=dict)
+    flat: dict[int, float] = field(default_factory=dict)
+    intervals: dict[int, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def reason(self) -> str:
@@ -107,6 +112,38 @@ def error_bars(solution: Solution, capture: Capture) -> ErrorBars:
         holds,
         "jackknife over images" if clusters is by_image else "jackknife over blocks",
     )
+
+
+def with_profiles(solution: Solution, bars: ErrorBars) -> ErrorBars:
+    """The same error bars with the intervals of what lies at or near a bound by the profile of the likelihood.
+
+    A symmetric interval says little there: the likelihood is cut, and often far from quadratic.
+    """
+    bars = replace(bars, flat=flat_at_bound(solution))
+    problem = solution.problem
+    plain = fisher(solution.statistics.information / solution.statistics.misfit, torch.ones_like(bars.bound)).std
+    quantile = quantile95(bars.covariance.degrees)
+    spreads, widening = {}, {}
+    for name, place in problem.where.items():
+        found = parameter_estimate(solution, bars, name)
+        values = found.value if isinstance(found.value, list) else [found.value]
+        for position, value in zip(range(place.start, place.stop), values, strict=False):
+            std = float(bars.open.std[position])
+            if value is None:
+                continue
+            room = float(min(value - problem.lower[position], problem.upper[position] - value))
+            if position in bars.flat:
+                spreads[position], wider = bars.flat[position], _widening(solution, bars)
+            elif std > 0 and room < _NEAR * std:
+                spreads[position], wider = quantile * std, std / float(plain[position])
+            else:
+                continue
+            widening[position] = wider * quantile / quantile95(math.inf)
+    intervals = {
+        profile.position: profile.interval(spreads[profile.position])
+        for profile in (profiles(solution, widening, bars.flat) if widening else ())
+    }
+    return replace(bars, intervals=intervals)
 
 
 def flat_at_bound(solution: Solution) -> dict[int, float]:
@@ -244,21 +281,23 @@ def parameter_estimate(solution: Solution, bars: ErrorBars, name: str) -> Parame
     faint = _faint(solution, bars, name)
     for position in range(place.start, place.stop):
         value = float(solution.unknowns[position])
-        reach_inside = bars.quadratic.get(position)
-        at_end = bool(bars.bound[position]) or reach_inside is not None
+        flat = position in bars.flat
+        at_end = bool(bars.bound[position]) or flat
         covariance = bars.open if at_end else bars.covariance
         std = float(covariance.std[position])
         # Under an unknown light scale only a value in proportion to the others can be called large.
         width = declared.domain.width if declared.periodic else domain.width
         scale = float(solution.unknowns[place].max()) if math.isinf(width) else width
         largest = min(_KNOWS_NOTHING * scale, 0.5 * value if declared.log else math.inf)
-        if reach_inside is not None:
+        interval = [max(domain.lower, value - reach * std), min(domain.upper, value + reach * std)]
+        if position in bars.intervals:
+            interval = list(bars.intervals[position])
+        if flat:
             values.append(domain.lower)
             stds.append(None)
-            intervals.append([domain.lower, min(domain.upper, domain.lower + reach_inside)])
+            intervals.append([domain.lower, interval[1]])
             states.append("at bound")
             continue
-        interval = [max(domain.lower, value - reach * std), min(domain.upper, value + reach * std)]
         anywhere = at_end and math.isfinite(width) and interval[1] - interval[0] > _ANYWHERE * width
         if bool(covariance.undetermined[position]) or faint or (std > largest and not at_end) or anywhere:
             values.append(None)

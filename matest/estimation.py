@@ -16,12 +16,12 @@ from matest.capture import Capture, Samples
 from matest.error_bars import (
     ErrorBars,
     error_bars,
-    flat_at_bound,
     known_by_ratio,
     parameter_estimate,
     parameter_estimates,
     reported_correlation,
     reported_labels,
+    with_profiles,
 )
 from matest.errors import InputError
 from matest.estimators import AllTiles, Problem, Solution, accumulate, fit
@@ -94,7 +94,7 @@ def estimate(
         # What looked determined by its Fisher error may not be by an honest one.
         if all(parameter_estimate(again, judged, name).status != "not determined" for name in problem.free):
             specification, solution, bars = wider, again, judged
-    bars = replace(bars, quadratic=flat_at_bound(solution))
+    bars = with_profiles(solution, bars)
     material = solution.problem.material(solution.unknowns)
     statistics = solution.statistics
     parameters = parameter_estimates(solution, bars)

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from matest.capture import Batch, Samples
-from matest.capture.batch import REJECTED, TRUSTED
+from matest.capture.batch import REJECTED, TRUSTED, Readout
 from matest.capture.patches import Patches
 from matest.estimators.levenberg_marquardt import Evaluate, Solution, at_bound, minimise
 from matest.estimators.linearise import Linearisation, accumulate
@@ -24,9 +24,13 @@ from matest.uncertainty import fisher
 
 _PILOT, _SEARCH = 24_000, 4_000
 # Expansions of the likelihood about the last optimum, until they move it by less than so many standard errors.
-_EXPANSIONS, _SETTLED = 8, 0.05
+_EXPANSIONS, _SETTLED = 40, 0.05
 # First guesses further apart are followed each to its end.
 _DISTINCT = 1.0
+# With more outliers than this the search is repeated, at most so many times, with less weight for all that lies further
+# than so many standard deviations from the best solution so far. What it finds closer to that than so many standard
+# errors is the same.
+_SPOILT, _SECOND_THOUGHTS, _HUBER, _ELSEWHERE = 0.001, 3, 2.0, 10.0
 # Subsamples grow by this factor until they are precise enough, or a walk over all samples costs no more.
 _GROWTH, _SUBSAMPLE = 4, 0.1
 # χ² of solutions along a valley of the likelihood differs by less than this.
@@ -52,21 +56,10 @@ def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = N
         start: u [P] near the optimum; None: searched for globally, no initial guess is needed.
     """
     tiles = in_memory(batches)
-    guesses: list[Solution] = []
-    for view in views(batches):
-        starts = [] if start is None else [start]
-        if start is None:
-            total = sum(len(batch) for batch in view)
-            with single_threaded_torch():
-                found = search(problem, [batch[:: max(total // _SEARCH, 1)] for batch in view])
-            problem, starts = found.problem, found.starts()
-        for first in starts:
-            evaluate = _passes(problem, in_memory(view), first, None, 1.0)
-            guesses.append(minimise(problem, first, evaluate, passes=_PILOT_PASSES, tolerance=0.01))
 
     def descend(problem: Problem, start: Tensor, reference: Tensor) -> Solution:
         misfit = typical_residual(problem, batches, reference)
-        evaluate = _passes(problem, tiles, start, reference, misfit)
+        evaluate = passes_over(problem, tiles, start, reference, misfit)
         found = minimise(problem, start, evaluate, passes=_PILOT_PASSES, tolerance=0.01)
         return replace(found, misfit=misfit)
 
@@ -77,11 +70,14 @@ def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = N
                 break
         return found
 
-    distinct: list[Solution] = []
-    for guess in sorted(guesses, key=implausibility):
-        if all(distance(other, guess) > _DISTINCT for other in distinct):
-            distinct.append(guess)
-    best = most_plausible([settle(guess) for guess in distinct])
+    best = most_plausible([settle(guess) for guess in first_guesses(problem, batches, start)])
+    for _ in range(_SECOND_THOUGHTS if start is None and best.statistics.outliers > _SPOILT else 0):
+        # Outliers had bent the first guess: once they are known for what they are, the search may end elsewhere.
+        before = best
+        again = first_guesses(best.problem, doubtful(best, thinned(batches)), None)
+        best = most_plausible([before, *(settle(guess) for guess in again if distance(before, guess) > _ELSEWHERE)])
+        if implausibility(best) > implausibility(before) - _ALIKE * before.misfit**2:
+            break
     for _ in range(_GAUGE_ROUNDS if problem.gauges else 0):
         # The limit was taken from a fit without the second bounce, which makes albedos too bright and it too low.
         limit = best.problem.limit_of_gauges(best.unknowns)
@@ -90,6 +86,48 @@ def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = N
         wider = replace(best.problem, gauge_limit=limit)
         best = descend(wider, torch.minimum(best.unknowns, wider.upper), best.unknowns)
     return best
+
+
+def first_guesses(problem: Problem, batches: list[Batch], start: Tensor | None) -> list[Solution]:
+    """Distinct optima of least squares with the weights of `Batch.measured`, from a global search or from `start`."""
+    guesses: list[Solution] = []
+    for view in views(batches):
+        starts = [] if start is None else [start]
+        if start is None:
+            with single_threaded_torch():
+                found = search(problem, thinned(view))
+            problem, starts = found.problem, found.starts()
+        for first in starts:
+            evaluate = passes_over(problem, in_memory(view), first, None, 1.0)
+            guesses.append(minimise(problem, first, evaluate, passes=_PILOT_PASSES, tolerance=0.01))
+    distinct: list[Solution] = []
+    for guess in sorted(guesses, key=implausibility):
+        if all(distance(other, guess) > _DISTINCT for other in distinct):
+            distinct.append(guess)
+    return distinct
+
+
+def thinned(batches: list[Batch]) -> list[Batch]:
+    """Every so many-th sample, a few thousand in all."""
+    step = max(sum(len(batch) for batch in batches) // _SEARCH, 1)
+    return [batch[::step] for batch in batches]
+
+
+def doubtful(found: Solution, batches: list[Batch]) -> list[Batch]:
+    """The samples with a larger noise the farther they lie from a solution, so that least squares is Huber's (1964).
+
+    Unlike weights that reject what lies far, these still let a highlight that the solution has missed be found.
+    """
+    linearisation = Linearisation(found.problem, found.unknowns, derivatives=False)
+    out = []
+    with torch.no_grad():
+        for batch in batches:
+            radiance = linearisation.radiance(batch)
+            variance = batch.variance(radiance)
+            deviation = (batch.radiance - radiance).abs() / variance.sqrt() / found.misfit
+            variance = variance * (deviation / _HUBER).clamp(min=1)
+            out.append(replace(batch, readout=Readout(variance, torch.zeros_like(variance[:1]))))
+    return out
 
 
 def views(batches: list[Batch]) -> list[list[Batch]]:
@@ -181,7 +219,7 @@ def fit(
         progress("refining over all samples")
         reference, misfit = found.unknowns, found.misfit
         tiles = AllTiles(samples, merge=True, misfit=misfit)
-        evaluate = _passes(found.problem, tiles, reference, reference, misfit)
+        evaluate = passes_over(found.problem, tiles, reference, reference, misfit)
         found = minimise(found.problem, reference, evaluate, passes=_FULL_PASSES, tolerance=0.03)
         found = replace(found, misfit=misfit)
     return replace(found, unknowns=found.problem.wrapped(found.unknowns), tiles=tiles)
@@ -225,7 +263,7 @@ class AllTiles:
                 self.samples.capture.release(self.samples.images[k])
 
 
-def _passes(
+def passes_over(
     problem: Problem,
     tiles: Tiles,
     origin: Tensor,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import torch
@@ -29,6 +29,7 @@ class Problem:
         gauge_limit: largest value of gauge parameters, the reciprocal of the brightest albedo: a facet reflects at
             most all light.
         arbitrary: held parameters that only set a scale: nothing depends on them but ratios to them.
+        pinned: values that single unknowns are held at, by their position in u.
     """
 
     brdf: Brdf
@@ -39,6 +40,7 @@ class Problem:
     relative: bool = False
     gauge_limit: float = math.inf
     arbitrary: tuple[str, ...] = ()
+    pinned: Mapping[int, float] = field(default_factory=dict)
 
     @cached_property
     def amplitudes(self) -> tuple[str, ...]:
@@ -126,6 +128,8 @@ class Problem:
 
     def _ends(self, ends: Sequence[float]) -> Tensor:
         repeated = [end for end, name in zip(ends, self.free, strict=True) for _ in range(self.count(name))]
+        for position, value in self.pinned.items():
+            repeated[position] = value
         return torch.tensor(repeated, dtype=torch.float64)
 
     @cached_property

@@ -193,7 +193,8 @@ def test_converged_means_that_the_next_step_is_short_however_many_samples_there_
 
     def evaluate(unknowns: Tensor) -> Statistics:
         statistics = quadratic(matrix, optimum, unknowns, floor=3.6e7)
-        return Statistics({0: replace(statistics.clusters[0], values=36_000_000)})
+        own = statistics.clusters[0]
+        return Statistics({0: replace(own, scores=replace(own.scores, values=36_000_000))})
 
     solution = minimise(problem("cook-torrance"), start, evaluate, passes=10, tolerance=0.03)
     assert solution.converged

@@ -1,0 +1,182 @@
+"""Intervals of unknowns near an end of their domain: by the profile of the likelihood, every other unknown refitted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+from matest.estimators import Solution
+from matest.estimators.fit import passes_over
+from matest.estimators.levenberg_marquardt import Evaluate, bounded_step, minimise
+
+# χ² that a value may cost inside a 95 % interval: away from every bound, and at a bound that no estimate can pass.
+_TWO_SIDED, _ONE_SIDED = 3.841458820694124, 2.705543454095414
+# Passes to refit the others, until they move by less than so many standard errors.
+_PASSES, _SETTLED = 4, 0.2
+# Values tried for an end of an interval, until their cost is within this share of the one that is looked for.
+_TRIALS, _CLOSE = 5, 0.1
+# The cost rises with the distance to a power between these; one trial moves the end by no more than this factor.
+_POWERS, _STRIDE = (1.0, 8.0), 5.0
+
+
+@dataclass(frozen=True)
+class Rise:
+    """Profile of χ² at one value of an unknown.
+
+    Attributes:
+        value: of the unknown.
+        cost: χ² above its minimum, the other unknowns refitted.
+        slope: its derivative by the value.
+    """
+
+    value: float
+    cost: float
+    slope: float
+
+
+@dataclass(frozen=True)
+class Profile:
+    """The likelihood along one unknown.
+
+    Attributes:
+        best: the optimum, from which values are tried.
+        evaluate: statistics at any unknowns, the likelihood being expanded about the optimum.
+        position: of the unknown in u.
+        bound: the end of its domain that is near.
+        other: the far end; may be infinite.
+        unit: cost of one unit of χ²: larger than 1 where the model does not hold.
+        flat: whether the model depends on the square of the distance to the bound.
+    """
+
+    best: Solution
+    evaluate: Evaluate
+    position: int
+    bound: float
+    other: float
+    unit: float
+    flat: bool
+
+    def at(self, value: float) -> Rise:
+        """Refit the other unknowns with this one at `value`."""
+        best = self.best
+        pinned = replace(best.problem, pinned={self.position: value})
+        information, gradient = best.statistics.information, best.statistics.gradient
+        start = best.unknowns.clone()
+        start[self.position] = value
+        # Where the quadratic model expects them.
+        start = start + bounded_step(pinned, start, information, gradient - information @ (start - best.unknowns))
+        found = minimise(pinned, start, self.evaluate, passes=_PASSES, tolerance=_SETTLED)
+        slope = -2 * float(found.statistics.gradient[self.position])
+        return Rise(value, (_lowest(found) - _lowest(best)) / self.unit, slope / self.unit)
+
+    def interval(self, spread: float) -> tuple[float, float]:
+        """Lower and upper end of the 95 % interval; `spread` is a guess of its half-width."""
+        start = float(self.best.unknowns[self.position])
+        inward = 1.0 if self.other > self.bound else -1.0
+        first = start + inward * spread
+        if abs(start - self.bound) < 1e-6 * spread:
+            near, far = self.bound, self._end(start, first, self.other, None)
+        else:
+            at_bound = self.at(self.bound)
+            pulls = math.sqrt(max(at_bound.cost, 0.0))
+            near, far = self.bound, self._end(start, first, self.other, _TWO_SIDED)
+            if at_bound.cost > _ONE_SIDED:
+                near = self._end(start, max(start - spread, self.bound), self.bound, lower_threshold(pulls))
+        return min(near, far), max(near, far)
+
+    def _end(self, start: float, first: float, limit: float, threshold: float | None) -> float:
+        """The value between `start` and `limit` at which χ² has risen by `threshold`; None: as for one at its bound."""
+        inside = (min(start, limit), max(start, limit))
+        value = min(max(first, inside[0]), inside[1])
+        for _ in range(_TRIALS):
+            rise = self.at(value)
+            gain = rise.slope * (value - start)
+            wanted = upper_threshold(self._push(rise.cost, gain)) if threshold is None else threshold
+            if value == limit and rise.cost <= wanted:
+                return limit
+            # χ² = a · distance^power with the value and the slope found here.
+            power = min(max(gain / rise.cost, _POWERS[0]), _POWERS[1]) if rise.cost > 0 else _POWERS[1]
+            factor = (wanted / max(rise.cost, 1e-12)) ** (1 / power)
+            value = start + (value - start) * min(max(factor, 1 / _STRIDE), _STRIDE)
+            value = min(max(value, inside[0]), inside[1])
+            if abs(rise.cost / wanted - 1) < _CLOSE:
+                break
+        return value
+
+    def _push(self, cost: float, gain: float) -> float:
+        """By how many standard errors the data push an estimate at its bound outward, from the profile at one value.
+
+        In a coordinate q in which χ² is quadratic, q in standard errors, cost = q² + 2 q push and gain = q dχ²/dq.
+        """
+        gain = gain / 2 if self.flat else gain
+        distance = math.sqrt(max(gain - cost, 1e-12))
+        return max((cost - distance**2) / (2 * distance), 0.0)
+
+
+def profiles(solution: Solution, widening: Mapping[int, float], flat: Collection[int]) -> Iterator[Profile]:
+    """Profiles of some unknowns, from one expansion of the likelihood.
+
+    Args:
+        solution: the optimum, with its tiles.
+        widening: by position of the unknown in u, how many times wider than by the noise alone error bars are.
+        flat: positions of unknowns at a bound near which the model depends on the square of the distance.
+    """
+    problem, reference = solution.problem, solution.unknowns
+    evaluate = passes_over(problem, solution.tiles, reference, reference, solution.misfit)
+    best = minimise(problem, reference, evaluate, passes=_PASSES, tolerance=_SETTLED)
+    scale = best.statistics.misfit
+    for position, wider in widening.items():
+        ends = [float(problem.lower[position]), float(problem.upper[position])]
+        bound, other = sorted(ends, key=lambda end: abs(end - float(best.unknowns[position])))
+        unit = scale * wider**2
+        yield Profile(best, evaluate, position, bound, other, unit, position in flat)
+
+
+def _lowest(found: Solution) -> float:
+    """Cost where the last step leads."""
+    return found.statistics.total("cost") - found.last_step**2 * found.statistics.misfit
+
+
+def lower_threshold(estimate: float) -> float:
+    """Rise of χ² at the lower end of a 95 % interval, for an estimate so many standard errors above its bound."""
+    end = _root(lambda truth: (estimate - truth) ** 2 - threshold(truth), estimate, 0.0)
+    return (estimate - end) ** 2
+
+
+def upper_threshold(push: float) -> float:
+    """Rise of χ² at the upper end, for an estimate at its bound that the data push outward by so many standard errors.
+
+    The unified intervals of Feldman & Cousins (1998), which hold the truth 19 times in 20 at every distance from the
+    bound: without a push 3.84, with a strong one 2.71.
+    """
+    end = _root(lambda truth: truth**2 + 2 * push * truth - threshold(truth), 0.0, 2.0)
+    return end**2 + 2 * push * end
+
+
+def threshold(truth: float) -> float:
+    """The likelihood ratio χ² that 1 estimate in 20 exceeds, of a truth so many standard errors inside its bound.
+
+    The estimate x is normal about the truth t; χ² is (x − t)² where x is inside, and t² − 2 x t, the rise from the
+    bound, where it is not.
+    """
+    if truth >= math.sqrt(_TWO_SIDED):
+        return _TWO_SIDED
+
+    def excess(critical: float) -> float:
+        below = (truth**2 + critical) / (2 * truth) if truth > 0 else math.inf
+        return _normal(math.sqrt(critical)) - _normal(-max(below, math.sqrt(critical))) - 0.95
+
+    return _root(excess, _ONE_SIDED, _TWO_SIDED)
+
+
+def _normal(x: float) -> float:
+    return 0.5 * math.erfc(-x / math.sqrt(2))
+
+
+def _root(function: Callable[[float], float], low: float, high: float) -> float:
+    """Zero of a function that is negative at `low` and positive at `high`, by bisection."""
+    for _ in range(50):
+        middle = (low + high) / 2
+        low, high = (middle, high) if function(middle) < 0 else (low, middle)
+    return (low + high) / 2
