@@ -143,7 +143,25 @@ def with_profiles(solution: Solution, bars: ErrorBars) -> ErrorBars:
         profile.position: profile.interval(spreads[profile.position])
         for profile in (profiles(solution, widening, bars.flat) if widening else ())
     }
+    for name in _unseen(solution, bars):
+        place = problem.where[name]
+        for position in {*range(place.start, place.stop)} & {*intervals}:
+            # The width that was searched for made the most of the noise.
+            intervals[position] = (float(problem.lower[position]), intervals[position][1])
     return replace(bars, intervals=intervals)
+
+
+def _unseen(solution: Solution, bars: ErrorBars) -> set[str]:
+    """Amplitudes of lobes that are not there for all that the images tell."""
+    problem = solution.problem
+    factors = {
+        problem.ties.get(named_by(factor), named_by(factor))
+        for shape in problem.shapes
+        if _faint(solution, bars, shape)
+        for product in problem.brdf.carriers(shape)
+        for factor in product
+    }
+    return factors & {*problem.amplitudes}
 
 
 def flat_at_bound(solution: Solution) -> dict[int, float]:
