@@ -12,6 +12,7 @@ import typer
 
 import matest
 from matest import arguments
+from matest.benchmark_command import benchmark
 from matest.check_command import check
 from matest.console import Say, console, note, print_json, progress
 from matest.errors import InputError
@@ -34,6 +35,7 @@ Transfer = arguments.Transfer
 Out = Annotated[Path | None, typer.Option("-o", "--out", help="Where to write.", show_default=False)]
 
 app.command(epilog="Example: matest check renders/vase --model oren-nayar --at sigma=0.5")(check)
+app.command(epilog="Example: matest benchmark --suite stress --quick")(benchmark)
 
 
 def main() -> None:
@@ -236,40 +238,6 @@ def models(as_json: Json = False) -> None:
     from matest.report.tables import models_table, presets_table
 
     console().print(models_table(MODELS), presets_table(PRESETS))
-
-
-@app.command(epilog="Example: matest benchmark --suite stress --quick")
-def benchmark(
-    suite: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME,...",
-            help="Only these: models, stress, efficiency, outliers, estimate, peers, memory (default: all).",
-            show_default=False,
-        ),
-    ] = "",
-    quick: Annotated[bool, typer.Option("--quick", help="Fewer and smaller: half a minute a suite.")] = False,
-    as_json: Json = False,
-) -> None:
-    """Measure run time and error of the reflectance models and of the estimator.
-
-    models: values and gradients at a million pairs of directions, against one element-wise pass. stress: non-finite
-    results at ten million adversarial points a model, and float32 against float64. efficiency: errors on 2,000
-    simulated captures a model against the Cramér-Rao bound. outliers: the same with spoilt pixels. estimate: time of
-    12 photographs of a megapixel against decoding them. peers: time to 1 % against other solvers. memory: peak of 12
-    and of 120 photographs. With --json one line a figure.
-    """
-    from matest.benchmark import suites
-
-    for name, chosen in suites(suite).items():
-        records = []
-        with progress(name) as say:
-            for record in chosen.run(quick, say):
-                records.append(record)
-                if as_json:
-                    print_json(record.to_dict())
-        if not as_json:
-            console().print(chosen.table(records))
 
 
 @app.callback(invoke_without_command=True)

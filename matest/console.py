@@ -39,10 +39,10 @@ def progress(title: str) -> Iterator[Say]:
         yield say
 
 
-def console() -> Console:
+def console(*, stderr: bool = False) -> Console:
     from rich.console import Console
 
-    return Console(highlight=False)
+    return Console(highlight=False, stderr=stderr)
 
 
 def print_json(content: Any) -> None:

@@ -7,40 +7,74 @@ from typing import NamedTuple
 
 from rich.console import RenderableType
 
-from matest.benchmark import efficiency, estimate, memory, models, outliers, peers, stress, tables
+from matest.benchmark import (
+    efficiency,
+    estimate,
+    limits,
+    memory,
+    models,
+    outliers,
+    peers,
+    scaling,
+    start,
+    stress,
+    tables,
+)
 from matest.benchmark.record import Progress, Record
 from matest.errors import InputError, nearest
 
 
 class Suite(NamedTuple):
-    """`run(quick, progress)` yields the records of a suite, `table(records)` shows them."""
+    """`run(quick, progress)` yields the records of a suite, `table(records)` shows them.
+
+    A full run of all suites gives one that could go on for hours `seconds` of its half hour, as `within(seconds,
+    progress)`.
+    """
 
     run: Callable[[bool, Progress], Iterator[Record]]
     table: Callable[[list[Record]], RenderableType]
+    within: Callable[[float, Progress], Iterator[Record]] | None = None
+    seconds: float = 0.0
 
 
 SUITES = {
-    "models": Suite(models.run, tables.models_table),
-    "stress": Suite(stress.run, tables.stress_table),
-    "efficiency": Suite(efficiency.run, efficiency.efficiency_table),
-    "outliers": Suite(outliers.run, outliers.outliers_table),
+    "models": Suite(models.run, tables.models_table, models.within, 300),
+    "stress": Suite(stress.run, tables.stress_table, stress.within, 150),
+    "efficiency": Suite(efficiency.run, efficiency.efficiency_table, efficiency.within, 240),
+    "outliers": Suite(outliers.run, outliers.outliers_table, outliers.within, 180),
     "estimate": Suite(estimate.run, estimate.estimate_table),
     "peers": Suite(peers.run, peers.peers_table),
+    "scaling": Suite(scaling.run, scaling.scaling_table),
     "memory": Suite(memory.run, memory.memory_table),
+    "start": Suite(start.run, start.start_table),
 }
 
 
 def suites(text: str) -> dict[str, Suite]:
-    """The suites named in `text`, separated by commas; all of them if it is empty.
+    """The suites named in `text`, separated by commas; all of them if it is empty. The limits of the machine go first.
 
     Raises:
         InputError: an unknown name.
     """
-    names = [name.strip() for name in text.split(",") if name.strip()] or list(SUITES)
+    names = [name.strip() for name in text.split(",") if name.strip()]
     for name in names:
         if name not in SUITES:
             raise InputError(f"unknown suite '{name}'; {nearest(name, SUITES)}")
-    return {name: SUITES[name] for name in names}
+    chosen = {name: SUITES[name] for name in names}
+    if not names:
+        chosen = {name: suite._replace(run=_shared(suite)) for name, suite in SUITES.items()}
+    return {"limits": Suite(limits.run, limits.limits_table), **chosen}
+
+
+def _shared(suite: Suite) -> Callable[[bool, Progress], Iterator[Record]]:
+    """`run` as one of all suites."""
+
+    def run(quick: bool, progress: Progress) -> Iterator[Record]:
+        if quick or suite.within is None:
+            return suite.run(quick, progress)
+        return suite.within(suite.seconds, progress)
+
+    return run
 
 
 __all__ = ["SUITES", "Record", "Suite", "suites"]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import multiprocessing
+import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
@@ -27,18 +29,40 @@ def run(quick: bool, progress: Progress) -> Iterator[Record]:
     yield from figures("efficiency", CLEAN, TARGETS, CAPTURES_QUICK if quick else CAPTURES, progress)
 
 
+def within(seconds: float, progress: Progress) -> Iterator[Record]:
+    """The same of as many captures as so many seconds allow."""
+    yield from figures("efficiency", CLEAN, TARGETS, CAPTURES, progress, seconds)
+
+
 def figures(
-    suite: str, conditions: Conditions, targets: Targets, captures: int, progress: Progress
+    suite: str,
+    conditions: Conditions,
+    targets: Targets,
+    captures: int,
+    progress: Progress,
+    seconds: float = math.inf,
 ) -> Iterator[Record]:
-    """Records of every model under some conditions. Optima are compared with a grid where nothing spoils the pixels."""
+    """Records of every model under some conditions. Optima are compared with a grid where nothing spoils the pixels.
+
+    Args:
+        suite: name in the records.
+        conditions: of the camera.
+        targets: limits of the figures.
+        captures: of every model.
+        progress: called after each.
+        seconds: after which no more are begun; every model has the same share.
+    """
     # A forked child would inherit torch's threads without their being alive.
     with ProcessPoolExecutor(min(processors(), captures), multiprocessing.get_context("spawn")) as pool:
         for expression in MODELS:
             one = partial(trial, expression, conditions=conditions, grid=conditions == CLEAN)
             found: list[Trial] = []
+            end = time.perf_counter() + seconds / len(MODELS)
             for result in pool.map(one, range(captures)):
                 found.append(result)
                 progress(expression, len(found), captures)
+                if time.perf_counter() > end:
+                    break
             yield from records(suite, expression, found, targets)
 
 
@@ -56,11 +80,11 @@ def efficiency_table(found: list[Record]) -> Group:
 
 def pooled_table(found: list[Record], conditions: str) -> Group:
     """The same under any conditions."""
-    pooled = ruled("", "un-\nknowns", "given", "rms error\n/ bound", "coverage", "optima\nmissed")
+    pooled = ruled("", "cap-\ntures", "un-\nknowns", "given", "rms error\n/ bound", "coverage", "optima\nmissed")
     single = ruled("", "rms error\n/ bound", "mean error\n/ bound")
     cases = by_case(found)
     for case, metrics in cases.items():
-        row = [figure(metrics[name]) for name in ("parameters", "given")]
+        row = [figure(metrics[name]) for name in ("captures", "parameters", "given")]
         row += [_with_interval(metrics, name) for name in ("rms error", "coverage")]
         pooled.add_row(case_name(case), *row, figure(metrics.get("optimum missed")))
         single.add_row(case_name(case))
@@ -69,10 +93,10 @@ def pooled_table(found: list[Record], conditions: str) -> Group:
             if rest == "rms error":
                 row = [_with_interval(metrics, metric), _with_interval(metrics, f"{name}: mean error")]
                 single.add_row(f"  {name}", *row)
-    captures = min(int(metrics["captures"].value or 0) for metrics in cases.values())
+    counts = sorted({int(metrics["captures"].value or 0) for metrics in cases.values()})
+    captures = " to ".join(f"{count:,}" for count in dict.fromkeys((counts[0], counts[-1])))
     about = (
-        f"{captures:,} captures a model, 64×64 pixels: sphere or vase, 1, 3 or 12 lights, one a photograph. "
-        f"{conditions}"
+        f"{captures} captures a model, 64×64 pixels: sphere or vase, 1, 3 or 12 lights, one a photograph. {conditions}"
     )
     legend = (
         "Unknowns: those that the samples determine and whose truth lies 3 standard errors from a bound; given: their "

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import tempfile
-import time
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-import cv2
 from rich.console import Group
 from rich.text import Text
 
 import matest
+from matest.benchmark.limits import decode
 from matest.benchmark.photographs import take
 from matest.benchmark.record import Progress, Record
 from matest.benchmark.tables import by_case, case_name, figure, notes, ruled
@@ -45,31 +42,22 @@ def measure(expression: str, folder: Path, rounds: int, progress: Progress) -> I
     files = sorted(folder.glob("[0-9]*.png"))
     for number in range(rounds):
         progress(expression, number, rounds)
-        decoded.append(_decode(files))
+        decoded.append(decode(files))
         # f0 is held as the targets have it.
         held = {"f0": 0.04} if expression == "cook-torrance" else {}
         found = matest.estimate(matest.load_capture(folder), expression, fix=held)
         for stage in STAGES:
             stages[stage].append(found.timing_s[stage])
-    decode = min(decoded)
+    shortest = min(decoded)
     yield Record("estimate", expression, "photographs", len(files), "1", "higher")
     yield Record("estimate", expression, "samples", found.fit.samples, "1", "higher")
-    yield Record("estimate", expression, "decode", decode, "s")
+    yield Record("estimate", expression, "decode", shortest, "s")
     for stage in STAGES:
         yield Record("estimate", expression, stage, min(stages[stage]), "s")
     yield Record("estimate", expression, "first fit", stages["fit"][0], "s")
     fit = min(stages["fit"])
-    note = f"decoded in {decode:.2f} s by OpenCV, fitted in {fit:.2f} s ({found.fit.samples:,} samples)"
-    yield Record("estimate", expression, "fit / decode", fit / decode, "1", limit=LIMITS[expression], note=note)
-
-
-def _decode(files: list[Path]) -> float:
-    """Seconds that OpenCV needs to decode the images, one thread per processor."""
-    start = time.perf_counter()
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for image in pool.map(lambda file: cv2.imread(str(file), cv2.IMREAD_UNCHANGED), files):
-            del image
-    return time.perf_counter() - start
+    note = f"decoded in {shortest:.2f} s by OpenCV, fitted in {fit:.2f} s ({found.fit.samples:,} samples)"
+    yield Record("estimate", expression, "fit / decode", fit / shortest, "1", limit=LIMITS[expression], note=note)
 
 
 def estimate_table(found: list[Record]) -> Group:

@@ -55,6 +55,7 @@ def measure(expression: str, size: int, progress: Progress) -> Iterator[Record]:
         many = peak(folder, expression)
     yield Record("memory", expression, f"peak of {FEW}", few, "MB")
     yield Record("memory", expression, f"peak of {FEW * TIMES}", many, "MB")
+    yield Record("memory", expression, "peak ratio", many / few, "1")
     note = f"{FEW} and {FEW * TIMES} photographs of {size}×{size} pixels"
     yield Record("memory", expression, "growth", many - few, "MB", limit=LIMIT, note=note)
 

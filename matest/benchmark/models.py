@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 from collections.abc import Iterator
+from time import perf_counter
 
 import torch
 from torch import Tensor
@@ -21,13 +23,27 @@ GRADIENT_LIMIT, PASS_LIMIT, PASS_LIMIT_OF = 4.0, 3.0, "cook-torrance"
 
 
 def run(quick: bool, progress: Progress) -> Iterator[Record]:
-    """Records of every model and every choice of its options, in float32 and with as many threads as torch takes."""
-    pairs = PAIRS_QUICK if quick else PAIRS
+    """Records of every model and every choice of its options, in float32 and with as many threads as torch takes.
+
+    A quick run leaves out other options than the default, and what torch compiles.
+    """
+    if quick:
+        yield from _all([name for name in variants() if name in MODELS], PAIRS_QUICK, 0.0, progress)
+    else:
+        yield from _all(variants(), PAIRS, math.inf, progress)
+
+
+def within(seconds: float, progress: Progress) -> Iterator[Record]:
+    """The same, but no model is compiled once so many seconds have passed."""
+    yield from _all(variants(), PAIRS, seconds, progress)
+
+
+def _all(expressions: list[str], pairs: int, seconds: float, progress: Progress) -> Iterator[Record]:
+    end = perf_counter() + seconds
     yield Record("models", "all", "threads", torch.get_num_threads(), "1", "higher")
-    expressions = variants()
     for number, expression in enumerate(expressions):
         progress(expression, number, len(expressions))
-        yield from measure(expression, pairs, compiled=not quick and expression in MODELS)
+        yield from measure(expression, pairs, compiled=expression in MODELS and perf_counter() < end)
     yield from table4.run(pairs, progress)
 
 

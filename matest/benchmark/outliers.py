@@ -22,6 +22,11 @@ def run(quick: bool, progress: Progress) -> Iterator[Record]:
     yield from figures("outliers", SPOILT, TARGETS, CAPTURES_QUICK if quick else CAPTURES, progress)
 
 
+def within(seconds: float, progress: Progress) -> Iterator[Record]:
+    """The same of as many captures as so many seconds allow."""
+    yield from figures("outliers", SPOILT, TARGETS, CAPTURES, progress, seconds)
+
+
 def again(expression: str, seed: int) -> str:
     """One of the captures once more, as a sentence: to look into a failure that the suite names by its seed."""
     return described(trial(expression, seed, SPOILT, grid=False))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 
@@ -14,7 +16,7 @@ from matest.benchmark.passes import heavy
 from matest.benchmark.record import Progress, Record
 from matest.brdf import MODELS, Brdf, model, variants
 
-POINTS, POINTS_QUICK = 10_000_000, 100_000
+POINTS, POINTS_QUICK = 10_000_000, 20_000
 # Points at a time: as many as stay near the cache; of a sum over thousands of facets, as few as keep their derivatives
 # below 3 GB.
 TILE, TILE_HEAVY = 16_384, 4096
@@ -30,37 +32,49 @@ def run(quick: bool, progress: Progress) -> Iterator[Record]:
     Sums over many facets, a hundred times as slow as the others, see a tenth of the points, and a hundredth under
     options other than their default.
     """
-    points = POINTS_QUICK if quick else POINTS
-    for expression in variants():
+    yield from _all(POINTS_QUICK if quick else POINTS, math.inf, progress)
+
+
+def within(seconds: float, progress: Progress) -> Iterator[Record]:
+    """The same at as many points as so many seconds allow."""
+    yield from _all(POINTS, seconds, progress)
+
+
+def _all(points: int, seconds: float, progress: Progress) -> Iterator[Record]:
+    expressions = variants()
+    for expression in expressions:
         brdf = model(expression)[0]
         share = 1 if not heavy(brdf) else 10 if expression in MODELS else 100
-        yield from examine(brdf, points // share, progress)
+        yield from examine(brdf, points // share, progress, seconds / len(expressions))
 
 
-def examine(brdf: Brdf, points: int, progress: Progress = lambda *_: None) -> list[Record]:
+def examine(brdf: Brdf, points: int, progress: Progress = lambda *_: None, seconds: float = math.inf) -> list[Record]:
     """Count what is not finite at `points` adversarial points, and measure the worst error of float32.
 
     In both precisions: values and first derivatives at every point, second derivatives (reverse over reverse) and
     forward mode at one in 20, vmap of value and gradient at one in 1000. A point has its own directions and its own
-    value of every parameter; derivatives are by all of them.
+    value of every parameter; derivatives are by all of them. After so many seconds it ends with the points done so far.
     """
     case = brdf.expression
     generator = torch.Generator().manual_seed(SEED)
     tallies = {(dtype, kind): _Tally() for dtype in (torch.float32, torch.float64) for kind in KINDS}
     tile = TILE_HEAVY if heavy(brdf) else TILE
-    for done in range(0, points, tile):
-        n = min(tile, points - done)
+    end = time.perf_counter() + seconds
+    examined = 0
+    while examined < points and (not examined or time.perf_counter() < end):
+        n = min(tile, points - examined)
+        examined += n
         wi, wo = direction_pairs(n, generator)
         inputs = {**parameter_values(brdf.declared, n, generator), "wi": wi, "wo": wo}
         for (dtype, kind), tally in tallies.items():
             compute, share = KINDS[kind]
             tally.add({name: value[: -(-n // share)].to(dtype) for name, value in inputs.items()}, compute, brdf)
-        progress(case, done + n, points)
-    records = [Record("stress", case, "points", points, "1", "higher")]
+        progress(case, examined, points)
+    records = [Record("stress", case, "points", examined, "1", "higher")]
     for (dtype, kind), tally in tallies.items():
         metric = f"{str(dtype).removeprefix('torch.')} non-finite {kind}"
         records.append(Record("stress", case, metric, tally.broken, "1", limit=0, note=tally.note))
-    worst, note = precision.worst_error(brdf, min(400, points // 250), generator)
+    worst, note = precision.worst_error(brdf, min(400, examined // 250), generator)
     return [*records, Record("stress", case, "float32 error", worst, "tolerance", limit=1, note=note)]
 
 

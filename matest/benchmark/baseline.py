@@ -1,0 +1,196 @@
+"""The figures that a run is held to: accuracy and ratios of time or memory, never seconds, each with its tolerance.
+
+`matest benchmark --quick --json > records.jsonl` and then `python -m matest.benchmark.baseline records.jsonl` writes
+those of quick runs anew, the same without `--quick` those of full ones; the difference in git shows what has changed.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from fnmatch import fnmatch
+from pathlib import Path
+from typing import Literal, TypeVar
+
+import msgspec
+
+from matest.benchmark.limits import QUICK
+from matest.benchmark.record import Record
+from matest.errors import InputError
+
+PATH = Path("tests/benchmark_baseline.json")
+
+Kind = Literal["accuracy", "cost"]
+Content = TypeVar("Content")
+
+# What enters the baseline, by suite/metric. The tolerance is relative; None: from the figure's own statistical error.
+SELECTED: dict[str, tuple[Kind, float | None]] = {
+    "stress/* non-finite *": ("accuracy", 0.0),
+    # The same points on every machine, but not the same last digits of its functions.
+    "stress/float32 error": ("accuracy", 0.5),
+    **{
+        f"{suite}/{metric}": ("accuracy", None)
+        for suite in ("efficiency", "outliers")
+        for metric in ("given", "*rms error", "coverage", "optimum missed")
+    },
+    "models/tiled gradient": ("cost", 0.5),
+    "models/time per pass": ("cost", 0.5),
+    "models/* needed components": ("cost", 0.5),
+    "estimate/fit / decode": ("cost", 0.5),
+    "peers/* / matest": ("cost", 0.5),
+    "scaling/exponent": ("cost", None),
+    "scaling/time per sample": ("cost", 0.5),
+    "start/estimate / *": ("cost", 0.3),
+    "memory/peak ratio": ("cost", 0.2),
+}
+
+
+class Figure(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One figure of the baseline.
+
+    Attributes:
+        suite, case, metric: as in the record.
+        value: at the time of writing.
+        better: which way is better.
+        tolerance: by how much it may be worse, relative.
+        kind: "accuracy", or "cost" of time and memory, which depends on the machine and what else it does.
+    """
+
+    suite: str
+    case: str
+    metric: str
+    value: float
+    better: Literal["lower", "higher"]
+    tolerance: float
+    kind: Kind
+
+    @property
+    def worst(self) -> float:
+        """The worst value that passes."""
+        change = self.tolerance * abs(self.value)
+        return self.value + change if self.better == "lower" else self.value - change
+
+
+class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The figures of quick and of full runs, which are of different sizes and not comparable."""
+
+    quick: tuple[Figure, ...] = ()
+    full: tuple[Figure, ...] = ()
+
+    def of(self, quick: bool) -> tuple[Figure, ...]:
+        return self.quick if quick else self.full
+
+
+def read(path: Path = PATH) -> Baseline:
+    """The baseline in a file.
+
+    Raises:
+        InputError: there is none, or not in this form.
+    """
+    mend = "python -m matest.benchmark.baseline writes one from the records of 'matest benchmark --json'"
+    return _decoded(_bytes(path, f"run in the root of a checkout, or {mend}"), Baseline, path, mend)
+
+
+def write(baseline: Baseline, path: Path = PATH) -> None:
+    """Write a baseline, one figure a line."""
+
+    def lines(figures: Sequence[Figure]) -> str:
+        return ",\n".join(f"  {json.dumps(msgspec.to_builtins(figure), ensure_ascii=False)}" for figure in figures)
+
+    runs = ((run, lines(getattr(baseline, run))) for run in ("quick", "full"))
+    text = ",\n".join(f' "{run}": [\n{figures}\n ]' if figures else f' "{run}": []' for run, figures in runs)
+    path.write_text(f"{{\n{text}\n}}\n", "utf-8")
+
+
+def records_of(path: Path) -> list[Record]:
+    """The records that `matest benchmark --json` has printed.
+
+    Raises:
+        InputError: no such file, or other content.
+    """
+    mend = "write it with 'matest benchmark --json > FILE'"
+    return [_decoded(line, Record, path, mend) for line in _bytes(path, mend).splitlines() if line.strip()]
+
+
+def is_quick(records: Sequence[Record]) -> bool:
+    """Whether records are of a quick run.
+
+    Raises:
+        InputError: they do not say.
+    """
+    for record in records:
+        if (record.suite, record.metric) == ("limits", QUICK):
+            return bool(record.value)
+    raise InputError("expected all records of 'matest benchmark --json', from its first line; the limits are missing.")
+
+
+def chosen(records: Sequence[Record]) -> Iterator[Figure]:
+    """Those of `SELECTED`, with their tolerances; a figure that could not be measured is left out."""
+    found = {(record.suite, record.case, record.metric): record for record in records}
+    for (suite, case, metric), record in found.items():
+        for pattern, (kind, fixed) in SELECTED.items():
+            if record.value is None or not fnmatch(f"{suite}/{metric}", pattern):
+                continue
+            own = {
+                name: r.value for (s, c, name), r in found.items() if (s, c) == (suite, case) and r.value is not None
+            }
+            tolerance = statistical(record, own) if fixed is None else fixed
+            yield Figure(suite, case, metric, record.value, record.better, tolerance, kind)
+            break
+
+
+def statistical(record: Record, own: Mapping[str, float]) -> float:
+    """The relative 95 % error of a figure toward worse.
+
+    Args:
+        record: a pooled error with its interval, a share, a number of captures or an exponent.
+        own: all figures of its case.
+    """
+    value, metric = record.value or 0.0, record.metric
+    if not value:
+        return 0.0
+    if metric == "optimum missed":
+        error = 1.96 * math.sqrt(value)
+    elif metric == "exponent":
+        error = 1.96 * own[f"{metric}, standard error"]
+    elif record.better == "lower":
+        error = own[f"{metric}, to"] - value
+    else:
+        # Of n that have all passed, 3/n may fail: the 95 % limit of a share of which no failure was seen.
+        error = max(value - own.get(f"{metric}, from", value), 3 / own["parameters"])
+    return error / abs(value)
+
+
+def main(file: str) -> None:
+    """Put the figures of a run in place of those of its kind that the baseline has."""
+    records = records_of(Path(file))
+    old = read() if PATH.exists() else Baseline()
+    run = "quick" if is_quick(records) else "full"
+    measured = {record.suite for record in records}
+    kept = tuple(figure for figure in getattr(old, run) if figure.suite not in measured)
+    write(msgspec.structs.replace(old, **{run: (*kept, *chosen(records))}))
+    print(f"Written to {PATH}: {run} runs")
+
+
+def _bytes(path: Path, mend: str) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: {(error.strerror or 'cannot be read').lower()}; {mend}.") from None
+
+
+def _decoded(data: bytes, kind: type[Content], path: Path, mend: str) -> Content:
+    try:
+        return msgspec.json.decode(data, type=kind)
+    except (msgspec.DecodeError, msgspec.ValidationError) as error:
+        expected = "records" if kind is Record else "a baseline"
+        raise InputError(f"{path}: expected {expected}, got something else ({error}); {mend}.") from None
+
+
+if __name__ == "__main__":
+    try:
+        main(*sys.argv[1:])
+    except InputError as error:
+        sys.exit(f"matest: {error}")

@@ -1,0 +1,104 @@
+"""Which figures of a run are worse than the baseline by more than their tolerance, or missing.
+
+`matest benchmark --gate` holds a run to all of them; `python -m matest.benchmark.gate records.jsonl` shows the records
+of `matest benchmark --json` as tables and holds them to the accuracy alone, for machines whose time is not their own.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console, Group, RenderableType
+from rich.text import Text
+
+from matest.benchmark import SUITES, limits
+from matest.benchmark.baseline import Figure, is_quick, read, records_of
+from matest.benchmark.record import Record
+from matest.benchmark.tables import case_name, ruled
+from matest.errors import InputError
+
+KINDS = ("accuracy", "cost")
+
+
+@dataclass(frozen=True)
+class Worse:
+    """A figure of the baseline with what the run gave instead; None: nothing."""
+
+    expected: Figure
+    value: float | None
+
+
+def expected(quick: bool, suites: Collection[str], kinds: Collection[str] = KINDS) -> list[Figure]:
+    """What the baseline says of some suites.
+
+    Raises:
+        InputError: it is bad, or says nothing of any of them.
+    """
+    figures = [figure for figure in read().of(quick) if figure.suite in suites and figure.kind in kinds]
+    if not figures:
+        run = "quick" if quick else "full"
+        raise InputError(
+            f"tests/benchmark_baseline.json has no figures of a {run} run of {', '.join(suites)}; write them with "
+            "python -m matest.benchmark.baseline, or choose other suites."
+        )
+    return figures
+
+
+def worse(figures: Sequence[Figure], records: Sequence[Record]) -> list[Worse]:
+    """Those of `figures` that the records do not reach."""
+    found = {(record.suite, record.case, record.metric): record.value for record in records}
+    failed = []
+    for figure in figures:
+        value = found.get((figure.suite, figure.case, figure.metric))
+        # Not "worse than": a NaN is not better than anything.
+        if value is None or not (value <= figure.worst if figure.better == "lower" else value >= figure.worst):
+            failed.append(Worse(figure, value))
+    return failed
+
+
+def gate_table(figures: Sequence[Figure], failed: Sequence[Worse]) -> RenderableType:
+    """Every figure that is worse, or one sentence if none is."""
+    if not failed:
+        return Text(f"Gate: none of {len(figures):,} figures is worse than the baseline by more than its tolerance.")
+    table = ruled("", "baseline", "allowed", "now")
+    heads = dict.fromkeys((one.expected.suite, one.expected.case) for one in failed)
+    for suite, case in heads:
+        table.add_row(Text(f"{suite}: ").append_text(case_name(case)))
+        for one in failed:
+            figure = one.expected
+            if (figure.suite, figure.case) == (suite, case):
+                value = "missing" if one.value is None else f"{one.value:.4g}"
+                now = Text(value, style="red")
+                table.add_row(f"  {figure.metric}", f"{figure.value:.4g}", f"{figure.worst:.4g}", now)
+    said = (
+        f"Gate: {len(failed):,} of {len(figures):,} figures are worse than the baseline by more than their tolerance."
+    )
+    return Group(Text(said, style="red"), "", table)
+
+
+def main(file: str) -> None:
+    """Show records and hold their accuracy to the baseline: exit code 1 if it is worse, 2 for bad input."""
+    records = records_of(Path(file))
+    terminal = Console(highlight=False)
+    by_suite: dict[str, list[Record]] = {}
+    for record in records:
+        by_suite.setdefault(record.suite, []).append(record)
+    for name, table in {"limits": limits.limits_table, **{n: suite.table for n, suite in SUITES.items()}}.items():
+        if name in by_suite:
+            terminal.print(table(by_suite[name]))
+    figures = expected(is_quick(records), by_suite, ("accuracy",))
+    failed = worse(figures, records)
+    terminal.print(gate_table(figures, failed))
+    if failed:
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    try:
+        main(*sys.argv[1:])
+    except InputError as error:
+        print(f"matest: {error}", file=sys.stderr)
+        sys.exit(2)
