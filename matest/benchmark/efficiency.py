@@ -20,7 +20,7 @@ from matest.benchmark.trial import Trial, described, trial
 from matest.estimators.walk import processors
 
 MODELS = ("lambert", "oren-nayar", "oren-nayar-exact", "cook-torrance", "li-torrance")
-CAPTURES, CAPTURES_QUICK = 2000, 6
+CAPTURES, CAPTURES_QUICK = 2000, 4
 TARGETS = Targets(error=1.05, lowest_coverage=0.93, highest_coverage=0.97)
 
 

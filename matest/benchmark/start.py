@@ -18,7 +18,7 @@ from matest.benchmark.record import Progress, Record
 from matest.benchmark.tables import by_case, figure, notes, ruled
 
 MODEL, IMAGES, SIZE = "oren-nayar", 3, 128
-ROUNDS, ROUNDS_QUICK = 5, 2
+ROUNDS, ROUNDS_QUICK = 5, 1
 # Seconds of the help, and the estimate as a multiple of what it cannot do without.
 HELP_LIMIT, RATIO_LIMIT = 0.3, 1.5
 CASE = f"{IMAGES} images of {SIZE}×{SIZE} pixels"

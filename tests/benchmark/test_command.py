@@ -8,11 +8,12 @@ import sys
 import pytest
 
 from matest import benchmark, cli
-from matest.benchmark import models, passes, stress
+from matest.benchmark import limits, models, passes, stress
 from matest.benchmark.record import Record
 
 # The suites of the estimator have tests of their own.
 OF_MODELS = ("models", "stress")
+VARIANTS = ["lambert", "cook-torrance(normalisation=paper1982)"]
 FIELDS = {"suite": str, "case": str, "metric": str, "unit": str, "better": str}
 
 
@@ -22,9 +23,11 @@ def run(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]):
     monkeypatch.setattr(models, "PAIRS_QUICK", 1000)
     monkeypatch.setattr(stress, "POINTS_QUICK", 1000)
     monkeypatch.setattr(passes, "SPELL", 0.0)
+    monkeypatch.setattr(limits, "machine", lambda: limits.Limits(1e-10, 1e-7, 1e-9, 1e-9))
+    monkeypatch.setattr(models, "MODELS", VARIANTS)
     monkeypatch.setenv("COLUMNS", "80")
     for suite in (models, stress):
-        monkeypatch.setattr(suite, "variants", lambda: ["lambert", "cook-torrance(normalisation=paper1982)"])
+        monkeypatch.setattr(suite, "variants", lambda: VARIANTS)
 
     def invoke(*arguments: str) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["matest", "benchmark", *arguments])
@@ -40,7 +43,7 @@ def test_json_is_one_record_a_line(run) -> None:
     code, out, err = run("--quick", "--json", "--suite", ",".join(OF_MODELS))
     assert (code, err) == (0, "")
     records = [json.loads(line) for line in out.splitlines()]
-    assert {record["suite"] for record in records} == {*OF_MODELS}
+    assert {record["suite"] for record in records} == {"limits", *OF_MODELS}
     for record in records:
         assert set(record) == {*FIELDS, "value", "limit"}
         assert all(isinstance(record[name], kind) for name, kind in FIELDS.items())
@@ -78,8 +81,8 @@ def test_help_has_an_example_and_names_every_suite(run) -> None:
 
 
 def test_what_misses_its_limit_is_told_with_its_place(run, monkeypatch: pytest.MonkeyPatch) -> None:
-    def examine(brdf: object, points: int, progress: object) -> list[Record]:
-        found = stress_examine(brdf, points, progress)
+    def examine(brdf: object, points: int, *others: object) -> list[Record]:
+        found = stress_examine(brdf, points, *others)
         return [*found[:-1], Record("stress", found[-1].case, "float32 error", 1e30, "1", limit=1, note="wi = here")]
 
     stress_examine = stress.examine
