@@ -193,4 +193,5 @@ if __name__ == "__main__":
     try:
         main(*sys.argv[1:])
     except InputError as error:
-        sys.exit(f"matest: {error}")
+        print(f"matest: {error}", file=sys.stderr)
+        sys.exit(2)

@@ -15,7 +15,7 @@ Pass = Callable[[], Any]
 
 # The fastest of many: whatever else the machine does only adds time. Runs take turns, so that a slow spell of the
 # machine meets all of them, for so many rounds and seconds at least.
-ROUNDS, SPELL = 9, 0.25
+ROUNDS, SPELL = 9, 0.1
 # Results of fewer numbers are no pass.
 SHORT = 1000
 # Numbers written for each pair of directions beyond which a model is a sum over many facets.
