@@ -114,6 +114,17 @@ def records_of(path: Path) -> list[Record]:
     return [_decoded(line, Record, path, mend) for line in _bytes(path, mend).splitlines() if line.strip()]
 
 
+def only_argument(arguments: Sequence[str]) -> str:
+    """The one argument of a command line.
+
+    Raises:
+        InputError: there are none, or several.
+    """
+    if len(arguments) != 1:
+        raise InputError(f"expected one file, the output of 'matest benchmark --json'; got {len(arguments)} arguments.")
+    return arguments[0]
+
+
 def is_quick(records: Sequence[Record]) -> bool:
     """Whether records are of a quick run.
 
@@ -164,7 +175,14 @@ def statistical(record: Record, own: Mapping[str, float]) -> float:
 
 
 def main(file: str) -> None:
-    """Put the figures of a run in place of those of its kind that the baseline has."""
+    """Put the figures of the suites in a run in place of those that the baseline has of its kind of run.
+
+    Args:
+        file: what `matest benchmark --json` has printed.
+
+    Raises:
+        InputError: bad records, bad baseline.
+    """
     records = records_of(Path(file))
     old = read() if PATH.exists() else Baseline()
     run = "quick" if is_quick(records) else "full"
@@ -191,7 +209,7 @@ def _decoded(data: bytes, kind: type[Content], path: Path, mend: str) -> Content
 
 if __name__ == "__main__":
     try:
-        main(*sys.argv[1:])
+        main(only_argument(sys.argv[1:]))
     except InputError as error:
         print(f"matest: {error}", file=sys.stderr)
         sys.exit(2)

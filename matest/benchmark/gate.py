@@ -15,7 +15,7 @@ from rich.console import Console, Group, RenderableType
 from rich.text import Text
 
 from matest.benchmark import SUITES, limits
-from matest.benchmark.baseline import Figure, is_quick, read, records_of
+from matest.benchmark.baseline import Figure, is_quick, only_argument, read, records_of
 from matest.benchmark.record import Record
 from matest.benchmark.tables import case_name, ruled
 from matest.errors import InputError
@@ -39,9 +39,9 @@ def expected(quick: bool, suites: Collection[str], kinds: Collection[str] = KIND
     """
     figures = [figure for figure in read().of(quick) if figure.suite in suites and figure.kind in kinds]
     if not figures:
-        run = "quick" if quick else "full"
+        run, names = "quick" if quick else "full", [name for name in suites if name in SUITES]
         raise InputError(
-            f"tests/benchmark_baseline.json has no figures of a {run} run of {', '.join(suites)}; write them with "
+            f"tests/benchmark_baseline.json has no figures of a {run} run of {', '.join(names)}; write them with "
             "python -m matest.benchmark.baseline, or choose other suites."
         )
     return figures
@@ -80,8 +80,16 @@ def gate_table(figures: Sequence[Figure], failed: Sequence[Worse]) -> Renderable
 
 
 def main(file: str) -> None:
-    """Show records and hold their accuracy to the baseline: exit code 1 if it is worse, 2 for bad input."""
+    """Show the records of all suites and hold their accuracy to the baseline.
+
+    Args:
+        file: what `matest benchmark --json` has printed. Exit code 1 if a figure is worse, or missing.
+
+    Raises:
+        InputError: bad records, bad baseline.
+    """
     records = records_of(Path(file))
+    figures = expected(is_quick(records), SUITES, ("accuracy",))
     terminal = Console(highlight=False)
     by_suite: dict[str, list[Record]] = {}
     for record in records:
@@ -89,7 +97,6 @@ def main(file: str) -> None:
     for name, table in {"limits": limits.limits_table, **{n: suite.table for n, suite in SUITES.items()}}.items():
         if name in by_suite:
             terminal.print(table(by_suite[name]))
-    figures = expected(is_quick(records), by_suite, ("accuracy",))
     failed = worse(figures, records)
     terminal.print(gate_table(figures, failed))
     if failed:
@@ -98,7 +105,7 @@ def main(file: str) -> None:
 
 if __name__ == "__main__":
     try:
-        main(*sys.argv[1:])
+        main(only_argument(sys.argv[1:]))
     except InputError as error:
         print(f"matest: {error}", file=sys.stderr)
         sys.exit(2)

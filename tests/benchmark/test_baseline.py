@@ -97,6 +97,12 @@ def test_records_without_their_first_lines_are_refused(here: Path) -> None:
         baseline.main(saved(here / "cut", POOLED))
 
 
+@pytest.mark.parametrize("arguments", [[], ["a", "b"]])
+def test_one_file_is_asked_for(arguments: list[str]) -> None:
+    with pytest.raises(InputError, match="expected one file"):
+        baseline.only_argument(arguments)
+
+
 def test_the_baseline_of_the_repository_holds_what_is_selected_and_no_seconds() -> None:
     found = baseline.read(ROOT / baseline.PATH)
     assert {figure.suite for figure in found.quick if figure.kind == "accuracy"} == {"stress", "efficiency", "outliers"}

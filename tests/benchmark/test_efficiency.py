@@ -58,6 +58,18 @@ def test_every_figure_has_its_interval_and_the_table_fits(suite: str) -> None:
     assert all(name in shown for name in ("lambert", "cook-torrance", "diffuse", "2 captures a model"))
 
 
+@pytest.mark.parametrize("suite", ["efficiency", "outliers"])
+def test_no_capture_is_begun_after_the_time_and_the_table_says_how_many_there_were(suite: str) -> None:
+    found = list(SUITES[suite].within(0.0, lambda *_: None))
+    assert {record.case: record.value for record in found if record.metric == "captures"} == {
+        "lambert": 1,
+        "cook-torrance": 1,
+    }
+    terminal = Console(width=80, record=True)
+    terminal.print(SUITES[suite].table(found))
+    assert "1 captures a model" in terminal.export_text()
+
+
 def test_a_capture_seen_again_is_the_one_of_the_suite() -> None:
     found = trial("lambert", 1)
     assert found == trial("lambert", 1)

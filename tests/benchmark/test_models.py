@@ -86,3 +86,12 @@ def test_times_are_the_shortest_of_each() -> None:
     wi, wo = random_pairs(1000, seed=1)
     once, often = passes.seconds(lambda: Lambert()(wi, wo), lambda: [Lambert()(wi, wo) for _ in range(50)])
     assert 0 < once < often
+
+
+def test_no_model_is_compiled_after_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(models, "variants", lambda: ["lambert"])
+    monkeypatch.setattr(models, "PAIRS", 1000)
+    monkeypatch.setattr(models.table4, "run", lambda *_: iter(()))
+    found = list(models.within(0.0, lambda *_: None))
+    assert "one call forward" in {record.metric for record in found}
+    assert not [record.metric for record in found if "compiled" in record.metric]

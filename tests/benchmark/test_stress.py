@@ -12,7 +12,7 @@ from torch import Tensor
 from matest.benchmark.adversarial import direction_pairs, parameter_values
 from matest.benchmark.passes import heavy
 from matest.benchmark.record import Record
-from matest.benchmark.stress import examine
+from matest.benchmark.stress import TILE, examine
 from matest.brdf import Brdf, Lambert, Term, variants
 from matest.directions import Directions
 from matest.parameters import parameter, unit_interval
@@ -143,3 +143,9 @@ def test_limits_are_those_of_the_tests() -> None:
     assert precision.RELATIVE == tolerances.FLOAT32
     assert precision.OF_PEAK == tolerances.FLOAT32_OF_PEAK
     assert precision.NEARLY_GRAZING == tolerances.NEARLY_GRAZING
+
+
+def test_points_end_with_the_time_and_the_record_says_where() -> None:
+    found = examine(Lambert(), 10 * TILE, seconds=0.0)
+    assert found[0].metric == "points"
+    assert found[0].value == TILE
