@@ -10,6 +10,7 @@ from rich.console import RenderableType
 from matest.benchmark import (
     efficiency,
     estimate,
+    frontier,
     limits,
     memory,
     models,
@@ -44,6 +45,7 @@ SUITES = {
     "outliers": Suite(outliers.run, outliers.outliers_table, outliers.within, 180),
     "estimate": Suite(estimate.run, estimate.estimate_table),
     "peers": Suite(peers.run, peers.peers_table),
+    "frontier": Suite(frontier.run, frontier.frontier_table),
     "scaling": Suite(scaling.run, scaling.scaling_table),
     "memory": Suite(memory.run, memory.memory_table),
     "start": Suite(start.run, start.start_table),

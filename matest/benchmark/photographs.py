@@ -17,6 +17,12 @@ _RADIUS = math.sqrt(0.8e6 / 1024**2 / math.pi)
 MATERIALS = {
     "oren-nayar": {"albedo": [0.7, 0.5, 0.3], "sigma": 0.6},
     "cook-torrance": {"diffuse": [0.4, 0.2, 0.1], "specular": [0.8, 0.8, 0.8], "slope": 0.2, "f0": 0.04},
+    "cook-torrance(masking=smith)": {
+        "diffuse": [0.4, 0.2, 0.1],
+        "specular": [0.8, 0.8, 0.8],
+        "slope": 0.2,
+        "f0": 0.04,
+    },
 }
 
 

@@ -148,7 +148,7 @@ def draw(expression: str, seed: int) -> Draw:
             value = low * (high / low) ** share if log else low + (high - low) * share
             values[name] = torch.as_tensor(value if declared.per_channel else value[0])
     material = brdf.replace(values)
-    surface = (_sphere, _vase)[generator.integers(2)]()
+    surface = (sphere, vase)[generator.integers(2)](SIZE)
     count = int(generator.choice((1, 3, 12)))
     irradiance = torch.full((channels,), IRRADIANCE, dtype=torch.float64)
     lights = tuple((DirectionalLight(_direction(generator), irradiance),) for _ in range(count))
@@ -174,13 +174,14 @@ def _direction(generator: np.random.Generator) -> torch.Tensor:
 
 
 @lru_cache(maxsize=1)
-def _sphere() -> Surface:
-    return from_sphere((SIZE, SIZE), (SIZE / 2, SIZE / 2), 0.46 * SIZE, None)
+def sphere(size: int) -> Surface:
+    """A sphere in the middle of square images of `size` pixels."""
+    return from_sphere((size, size), (size / 2, size / 2), 0.46 * size, None)
 
 
 @lru_cache(maxsize=1)
-def _vase() -> Surface:
-    """A vase that casts shadows on itself, its axis upright."""
+def vase(size: int) -> Surface:
+    """A vase that casts shadows on itself, its axis upright, in square images of `size` pixels."""
     heights = np.linspace(-1, 1, 40)
     radii = np.interp(heights, np.linspace(-1, 1, len(_OUTLINE)), _OUTLINE)
     outline = np.concatenate([[[0, -1]], np.stack([radii, heights], axis=1), [[0, 1]]])
@@ -188,4 +189,4 @@ def _vase() -> Surface:
     # trimesh revolves about z; the camera's up is y.
     solid.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0]))
     mesh = Mesh(np.asarray(solid.vertices), np.asarray(solid.faces))
-    return from_mesh(mesh, Camera(position=(0.0, 0.0, 5.0), height=2.2), (SIZE, SIZE))
+    return from_mesh(mesh, Camera(position=(0.0, 0.0, 5.0), height=2.2), (size, size))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import torch
 from torch import Tensor
 
@@ -14,10 +16,14 @@ SETTLED = 30
 _LBFGS_ITERATIONS = 200
 
 
-def adam(task: Task, optimum: Values, rate: float, batch: int | None, limit: float) -> Trace:
+def adam(task: Task, rate: float, batch: int | None, done: Callable[[Trace], bool]) -> Trace:
     """Adam on all samples at every step, or on mini-batches of `batch` in random order.
 
-    The run ends when it has settled or after `limit` seconds.
+    Args:
+        task: what is fitted.
+        rate: learning rate.
+        batch: samples a step; None: all.
+        done: whether to stop, asked after every step.
     """
     trace = Trace()
     module = _module(task)
@@ -31,7 +37,7 @@ def adam(task: Task, optimum: Values, rate: float, batch: int | None, limit: flo
             loss.backward()
             optimiser.step()
             trace.add(_values(module, task))
-            if trace.settled(optimum, SETTLED) or trace.elapsed > limit:
+            if done(trace):
                 return trace
 
 

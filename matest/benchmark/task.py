@@ -86,10 +86,10 @@ class Trace:
                 arrived = seconds
         return arrived
 
-    def settled(self, optimum: Values, steps: int) -> bool:
-        """Whether the last `steps` entries are all within `CLOSE` of the optimum."""
+    def settled(self, optimum: Values, steps: int, close: float = CLOSE) -> bool:
+        """Whether the last `steps` entries are all within `close` of the optimum."""
         last = self.values[-steps:]
-        return len(last) == steps and all(distance(values, optimum) <= CLOSE for values in last)
+        return len(last) == steps and all(distance(values, optimum) <= close for values in last)
 
 
 def distance(values: Mapping[str, Tensor], optimum: Values) -> float:

@@ -26,7 +26,7 @@ def _one_thread():
 
 
 def task_of(expression: str) -> Task:
-    return peers.samples(expression, SIZE)[1]
+    return sphere_of(expression, SIZE).task
 
 
 @pytest.mark.parametrize("expression", MODELS)
