@@ -35,15 +35,15 @@ def test_hand_written_radiance_is_the_shader_s(expression: str) -> None:
     task = task_of(expression).double()
     written = peers.HAND_WRITTEN[expression](task.points)
     truth = {name: torch.tensor(value, dtype=torch.float64) for name, value in MATERIALS[expression].items()}
-    amplitudes = torch.stack([truth[name] for name in written.amplitudes])
-    radiance, _ = written.evaluate(amplitudes, truth[written.shape])
+    amplitudes = torch.stack([truth[name] for name in written.unknowns.amplitudes])
+    radiance, _ = written.evaluate(amplitudes, truth[written.unknowns.shape])
     torch.testing.assert_close(radiance, shade(task.start.replace(truth), task.points), rtol=1e-4, atol=1e-6)
 
 
 @pytest.mark.parametrize("expression", MODELS)
 def test_hand_written_jacobian_is_that_of_differences(expression: str) -> None:
     written = peers.HAND_WRITTEN[expression](task_of(expression).double().points)
-    amplitudes = torch.tensor([[0.6, 0.4, 0.2], [0.5, 0.7, 0.9]], dtype=torch.float64)[: len(written.amplitudes)]
+    amplitudes = torch.tensor([[0.6, 0.4, 0.2], [0.5, 0.7, 0.9]], dtype=torch.float64)[: len(written.unknowns.amplitudes)]
     shape, step = torch.tensor(0.3, dtype=torch.float64), 1e-6
     _, jacobian = written.evaluate(amplitudes, shape)
     for row in range(len(amplitudes) + 1):
