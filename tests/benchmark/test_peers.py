@@ -43,7 +43,8 @@ def test_hand_written_radiance_is_the_shader_s(expression: str) -> None:
 @pytest.mark.parametrize("expression", MODELS)
 def test_hand_written_jacobian_is_that_of_differences(expression: str) -> None:
     written = peers.HAND_WRITTEN[expression](task_of(expression).double().points)
-    amplitudes = torch.tensor([[0.6, 0.4, 0.2], [0.5, 0.7, 0.9]], dtype=torch.float64)[: len(written.unknowns.amplitudes)]
+    count = len(written.unknowns.amplitudes)
+    amplitudes = torch.tensor([[0.6, 0.4, 0.2], [0.5, 0.7, 0.9]], dtype=torch.float64)[:count]
     shape, step = torch.tensor(0.3, dtype=torch.float64), 1e-6
     _, jacobian = written.evaluate(amplitudes, shape)
     for row in range(len(amplitudes) + 1):
