@@ -85,3 +85,9 @@ def test_bounds_of_paper_are_of_what_light_from_the_viewer_s_side_shows() -> Non
     bound = case.bound()
     assert set(bound) == {"k_uds", "k_dd", "correlation_length"} == set(case.task.free)
     assert all(bool((std < 0.1 * case.truth[name]).all()) for name, std in bound.items())
+
+
+@pytest.mark.parametrize("name", list(frontier.CASES))
+def test_no_pixel_that_peers_get_is_clipped(name: str) -> None:
+    capture = frontier.CASES[name].make(SIZE).capture
+    assert all(image.min() > 0 and not capture.encoding.saturated(image).any() for image in capture.stored)
