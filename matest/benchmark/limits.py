@@ -20,7 +20,7 @@ from matest.benchmark.photographs import take
 from matest.benchmark.record import Progress, Record
 from matest.benchmark.tables import by_case, figure, notes, ruled
 from matest.benchmark.timing import TILE
-from matest.estimators.linearise import processors
+from matest.estimators.walk import processors
 
 # Numbers in an array that no cache holds: 128 MB.
 LARGE = 2**25
