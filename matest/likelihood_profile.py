@@ -7,8 +7,8 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from matest.estimators import Solution
-from matest.estimators.fit import passes_over
 from matest.estimators.levenberg_marquardt import Evaluate, bounded_step, minimise
+from matest.estimators.separable import passes_over
 
 # χ² that a value may cost inside a 95 % interval: away from every bound, and at a bound that no estimate can pass.
 _TWO_SIDED, _ONE_SIDED = 3.841458820694124, 2.705543454095414

@@ -104,6 +104,7 @@ class Batch:
         copies: how many pixels each sample stands for [n, 1]; its radiance is as precise as their mean. None: one.
         scatter: mean square of what the radiance of those pixels deviates from what stands for them [n, C].
         merged: the patches of pixels that the first samples stand for; None: every sample is a pixel.
+        settled: the least-squares problem where it is known already; None: as `working` finds it.
     """
 
     points: Points
@@ -117,6 +118,7 @@ class Batch:
     copies: Tensor | None = None
     scatter: Tensor | None = None
     merged: Merged | None = None
+    settled: Working | None = None
 
     def __len__(self) -> int:
         return len(self.radiance)

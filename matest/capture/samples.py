@@ -259,7 +259,7 @@ class Samples:
                 for position, image in enumerate(self.images)
                 if edges[position] < edges[position + 1]
             ]
-            yield _join(parts)
+            yield join(parts)
 
 
 def _cell(coordinate: np.ndarray) -> np.ndarray:
@@ -268,8 +268,10 @@ def _cell(coordinate: np.ndarray) -> np.ndarray:
     return (coordinate - low) * _BLOCKS_ACROSS // span
 
 
-def _join(parts: list[Batch]) -> Batch:
-    """One batch of several; images with fewer lights get dark ones."""
+def join(parts: list[Batch]) -> Batch:
+    """One batch of several single ones; images with fewer lights get dark ones."""
+    if len(parts) == 1:
+        return parts[0]
     lights = max(part.points.wi.shape[-2] for part in parts)
     points = [_spread(part.points, len(part), lights) for part in parts]
     ambient = None
@@ -302,6 +304,7 @@ def _join(parts: list[Batch]) -> Batch:
         readout=Readout(*(torch.cat(column) for column in zip(*readouts, strict=True))),
         limits=limits,
         clipped=clipped,
+        runs=tuple(run for part in parts for run in part.runs or ((part.cluster or 0, len(part)),)),
         pixels=torch.cat([part.pixels for part in parts if part.pixels is not None]),
     )
 

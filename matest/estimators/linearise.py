@@ -157,7 +157,7 @@ def accumulate(
     def expand(batch: Batch) -> tuple[Images, Tensor, Tensor | None]:
         images = here.images(batch)
         radiance = images.radiance(here.coefficients)
-        if reference is None:
+        if reference is None or batch.settled is not None:
             return images, radiance, None
         return images, radiance, there.radiance(batch) if there else radiance
 
@@ -186,7 +186,9 @@ def collect(
                 batch, single = batch.merged.judge(batch, reference, misfit)
                 if single is not None:
                     found = work(lambda: single)
-            working = batch.measured() if reference is None else batch.working(reference, misfit)
+            working = batch.settled
+            if working is None:
+                working = batch.measured() if reference is None else batch.working(reference, misfit)
             return [*found, *moments(images, working, working.response - radiance, batch)]
 
     clusters: dict[int, Moments] = {}

@@ -12,6 +12,7 @@ from torch import Tensor
 
 from matest.brdf import Brdf
 from matest.brdf.base import rest_of
+from matest.directions import Directions
 from matest.parameters import Domain, Parameter
 
 
@@ -67,6 +68,14 @@ class Problem:
         """Amplitudes that may carry the unknown scale of the light: their complement 1 − x is used nowhere."""
         used = {factor for product in self.brdf.products for factor in product}
         return {name for name in used if rest_of(name) not in used}
+
+    @cached_property
+    def images(self) -> list[int]:
+        """Number of images of the geometry that each term is a mixture of."""
+        normal = torch.tensor([[0.0, 0.0, 1.0]])
+        anywhere = self.brdf.replace({name: torch.tensor(0.5) for name in self.brdf.declared})
+        terms = anywhere.terms(Directions(normal, normal))
+        return [1 if term.images is None else term.images.shape[-1] for term in terms]
 
     def declared(self, name: str) -> Parameter:
         return self.brdf.declared[name]

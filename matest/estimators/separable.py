@@ -7,6 +7,7 @@ touches. Their Gram matrix and moments, once added up, give χ² and its derivat
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import torch
 from torch import Tensor
@@ -15,7 +16,8 @@ from matest.brdf import Term
 from matest.capture import Batch
 from matest.directions import Directions
 from matest.estimators.images import Images, illuminate
-from matest.estimators.linearise import collect, derivative, product
+from matest.estimators.levenberg_marquardt import Evaluate
+from matest.estimators.linearise import accumulate, collect, derivative, product
 from matest.estimators.moments import Compressed, Statistics
 from matest.estimators.problem import Problem
 from matest.estimators.walk import Tiles
@@ -50,8 +52,7 @@ def separates(problem: Problem) -> bool:
 def coefficients(problem: Problem, unknowns: Tensor) -> Coefficients:
     """The coefficients and their derivatives at `unknowns` u [P]."""
     values = problem.values(unknowns)
-    terms, _ = _probe(problem, unknowns, 1)
-    sizes = [1 if term.images is None else term.images.shape[-1] for term in terms]
+    sizes = problem.images
     # Each image has its own copy of the shape parameters: one reverse pass a term yields all derivatives.
     terms, leaves = _probe(problem, unknowns, max(sizes))
     weights, parts = [], []
@@ -134,6 +135,16 @@ def statistics(problem: Problem, compressed: Compressed, unknowns: Tensor) -> St
     at = coefficients(problem, unknowns)
     # Derivatives of the coefficients of each channel by u, [C, K, P].
     return compressed.statistics(at.total, at.slopes.permute(1, 2, 0) @ problem.selectors)
+
+
+def passes_over(problem: Problem, tiles: Tiles, origin: Tensor, reference: Tensor | None, misfit: float) -> Evaluate:
+    """Statistics at any unknowns near `origin`: by a pass each, or from a single one where the model separates.
+
+    Arguments are those of `compress`.
+    """
+    if separates(problem):
+        return partial(statistics, problem, compress(problem, tiles, origin, reference, misfit))
+    return partial(accumulate, problem, tiles=tiles, reference=reference, misfit=misfit)
 
 
 class _Images:
