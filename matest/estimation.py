@@ -126,7 +126,7 @@ def estimate(
         fit=outcome,
         relative=capture.relative,
         candidates=candidates,
-        skipped=_skipped(samples, specification, material),
+        skipped=_skipped(samples, solution),
         timing_s={**{stage: capture.timing.get(stage, 0.0) for stage in ("read", "geometry")}, "fit": fit_s},
         holdout=left_out,
         warnings=_warnings(samples, specification, solution, parameters, bars),
@@ -238,8 +238,14 @@ def _message(solution: Solution, bars: ErrorBars) -> str:
     return f"Converged; the model does not hold to the noise ({bars.reason}), so error bars come from the {bars.kind}."
 
 
-def _skipped(samples: Samples, specification: Specification, material: Brdf) -> dict:
-    work = []
+def _skipped(samples: Samples, solution: Solution) -> dict:
+    work, problem = [], solution.problem
+    statistics = solution.statistics
+    merged = max(int(statistics.total("samples") - statistics.total("evaluated")), 0)
+    if merged:
+        work.append(
+            f"shading of {merged:,} pixels: over smooth patches of 7×7 it is bilinear, four samples carry what all say"
+        )
     scene = samples.capture.scene
     if scene.surface.mesh is not None and scene.surface.mesh.convex:
         work.append("shadow rays: the mesh is convex and cannot shadow itself")
@@ -247,10 +253,14 @@ def _skipped(samples: Samples, specification: Specification, material: Brdf) -> 
         work.append("shadow rays: no mesh, cast shadows are unknown")
     if not bool((scene.ambient > 0).any()):
         work.append("ambient light: there is none")
-    for name in specification.problem.held:
-        if name.endswith("diffuse") and isinstance(material, Sum) and float(specification.problem.held[name]) == 0:
+        values = problem.values(solution.unknowns)
+        alike = all(values[name].numel() == 1 for name in problem.shaping)
+        if alike and all(len(lights) == 1 for lights in scene.lights) and scene.channels > 1:
+            work.append("colour: each image has one light, shapes are evaluated once for all channels")
+    for name in problem.held:
+        if name.endswith("diffuse") and isinstance(problem.brdf, Sum) and float(problem.held[name]) == 0:
             work.append(f"{name}: another component is the diffuse one")
-    return {"components": [], "samples": samples.skipped, "work": work}
+    return {"components": [], "samples": {**samples.skipped, "redundant": merged}, "work": work}
 
 
 def _warnings(

@@ -50,5 +50,5 @@ def quadratic(matrix: Tensor, optimum: Tensor, unknowns: Tensor, floor: float = 
     offset = optimum - unknowns
     gradient = matrix @ offset
     cost = float(offset @ gradient) + floor
-    sums = Sums(matrix, gradient, Scores(cost, cost, 100, 0, 0.0, 1.0, 100))
+    sums = Sums(matrix, gradient, Scores(cost, cost, 100, 0, 0.0, 1.0, 100, 100))
     return Statistics({0: sums})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -62,7 +63,10 @@ class Linearisation:
     def images(self, batch: Batch, *, cut: bool = True) -> Images:
         """The K images; with `cut`, light whose reflectance at these parameters is below zero gives nothing."""
         points, like = batch.points, batch.radiance
-        lead = torch.broadcast_shapes(points.wi.shape[:-1], (*points.wo.shape[:-1], 1), points.irradiance.shape[:-1])
+        # Not by torch, which would import sympy for it.
+        lead = torch.Size(
+            np.broadcast_shapes(points.wi.shape[:-1], (*points.wo.shape[:-1], 1), points.irradiance.shape[:-1])
+        )
         shapes = self._shapes(lit_directions(points), lead, like)
         if points.ambient is not None and not self._sky:
             check_sky(self._problem.brdf)

@@ -26,6 +26,7 @@ class Scores:
         squared_residual: rᵀr of the values of `chi2`.
         squared_signal: yᵀy of them.
         samples: number of samples.
+        evaluated: number of points that the model was evaluated at.
     """
 
     cost: float
@@ -35,6 +36,7 @@ class Scores:
     squared_residual: float
     squared_signal: float
     samples: int
+    evaluated: int
 
     def __add__(self, other: Scores) -> Scores:
         return Scores(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
@@ -107,7 +109,7 @@ def _rows(working: Working, residual: Tensor) -> Tensor:
 
 def _scores(rows: Tensor) -> Scores:
     cost, chi2, values, outliers, squared, signal, samples = rows.sum(-1, dtype=torch.float64).tolist()
-    return Scores(cost, chi2, round(values), round(outliers), squared, signal, round(samples))
+    return Scores(cost, chi2, round(values), round(outliers), squared, signal, round(samples), rows.shape[1])
 
 
 @dataclass(frozen=True)

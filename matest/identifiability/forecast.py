@@ -85,7 +85,7 @@ class Forecast:
         everything = torch.ones(problem.size, dtype=torch.bool)
         covariance = fisher(self.information, everything)
         none = torch.zeros(problem.size).double()
-        sums = Sums(self.information, none, Scores(0.0, 0.0, self.values, 0, 0.0, 1.0, self.values))
+        sums = Sums(self.information, none, Scores(0.0, 0.0, self.values, 0, 0.0, 1.0, self.values, 0))
         solution = Solution(problem, self.unknowns, Statistics({0: sums}), 1, 0.0, True)
         bars = ErrorBars(covariance, covariance, ~everything, 1.0, 1.0, True, "fisher")
         return parameter_estimates(solution, bars)
