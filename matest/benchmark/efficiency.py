@@ -80,13 +80,16 @@ def efficiency_table(found: list[Record]) -> Group:
 
 def pooled_table(found: list[Record], conditions: str) -> Group:
     """The same under any conditions."""
-    pooled = ruled("", "cap-\ntures", "un-\nknowns", "given", "rms error\n/ bound", "coverage", "optima\nmissed")
+    pooled = ruled("", "un-\nknowns", "given", "rms error\n/ bound", "coverage", "optima\nmissed")
     single = ruled("", "rms error\n/ bound", "mean error\n/ bound")
     cases = by_case(found)
     for case, metrics in cases.items():
-        row = [figure(metrics[name]) for name in ("captures", "parameters", "given")]
+        row = [figure(metrics[name]) for name in ("parameters", "given")]
         row += [_with_interval(metrics, name) for name in ("rms error", "coverage")]
-        pooled.add_row(case_name(case), *row, figure(metrics.get("optimum missed")))
+        count = int(metrics["captures"].value or 0)
+        pooled.add_row(
+            Text.assemble(case_name(case), f"\n  {count:,} captures"), *row, figure(metrics.get("optimum missed"))
+        )
         single.add_row(case_name(case))
         for metric in metrics:
             name, _, rest = metric.partition(": ")
@@ -111,4 +114,4 @@ def _with_interval(metrics: dict[str, Record], name: str) -> Text:
     value, low, high = (metrics[key].value or 0.0 for key in (name, f"{name}, from", f"{name}, to"))
     # Error bars that are too wide miss a limit of their own.
     missed = any(record.misses for metric, record in metrics.items() if metric.partition(",")[0] == name)
-    return Text.assemble((f"{value:.3g}", "red" if missed else ""), f" ({low:.3g}, {high:.3g})")
+    return Text.assemble((f"{value:.3g}", "red" if missed else ""), f" ({low:.2f}, {high:.2f})")
