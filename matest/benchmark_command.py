@@ -15,8 +15,8 @@ def benchmark(
         str,
         typer.Option(
             metavar="NAME,...",
-            help="Only these: models, stress, efficiency, outliers, estimate, peers, scaling, memory, start "
-            "(default: all).",
+            help="Only these: models, stress, efficiency, outliers, estimate, peers, frontier, scaling, memory, "
+            "start (default: all).",
             show_default=False,
         ),
     ] = "",
@@ -32,8 +32,9 @@ def benchmark(
     models: values and gradients at a million pairs of directions, against one element-wise pass. stress: non-finite
     results at ten million adversarial points a model, and float32 against float64. efficiency: errors on 2,000
     simulated captures a model against the Cramér-Rao bound. outliers: the same with spoilt pixels. estimate: time of
-    12 photographs of a megapixel against decoding them. peers: time to 1 % against other solvers. scaling: growth of
-    the time with pixels, images and parameters. memory: peak of 12 and of 120 photographs. start: fresh processes.
+    12 photographs of a megapixel against decoding them. peers: time to 1 % against other solvers. frontier: error of
+    every solver over time. scaling: growth of the time with pixels, images and parameters. memory: peak of 12 and of
+    120 photographs. start: fresh processes.
     All together take half an hour: models, stress, efficiency and outliers then do as much as their share allows.
     With --json one line a figure.
     """

@@ -205,6 +205,8 @@ class Compressed:
 
         The squared residual stays that at the origin.
         """
+        if not self.clusters:
+            return Statistics()
         change = coefficients - self.origin
         # Of all B blocks at once, [B, C, …].
         grams = torch.stack([own.gram for own in self.clusters.values()])

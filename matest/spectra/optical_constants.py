@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 from dataclasses import dataclass
+from importlib.machinery import PathFinder
 from pathlib import Path
 
 import numpy as np
@@ -141,7 +141,8 @@ def metal_colour(name: str) -> Tensor:
 
 def _table_of(name: str) -> Path:
     """Mitsuba's table of η by name. The package is looked for, not imported: it would load a renderer."""
-    package = importlib.util.find_spec("mitsuba")
+    # Not by importlib.util: once imported, Mitsuba is a module without a folder.
+    package = PathFinder.find_spec("mitsuba")
     if package is None or not package.submodule_search_locations:
         raise InputError(
             f"the optical constants of '{name}' come with Mitsuba, which is not installed: "

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import importlib.util
-from importlib.machinery import ModuleSpec
+import sys
+from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,9 @@ from matest.errors import InputError
 from matest.spectra import OpticalConstants, metal_colour, normal_reflectance, optical_constants
 from tests import tolerances
 
-needs_mitsuba = pytest.mark.skipif(importlib.util.find_spec("mitsuba") is None, reason="Mitsuba is not installed")
+# The function of that name hides the module.
+MODULE = sys.modules["matest.spectra.optical_constants"]
+needs_mitsuba = pytest.mark.skipif(PathFinder.find_spec("mitsuba") is None, reason="Mitsuba is not installed")
 
 # Three wavelengths, n and k, in every layout that a file may have.
 WAVELENGTHS, ETA, K = [0.4, 0.5, 0.7], [1.5, 1.25, 0.25], [2.0, 2.5, 4.0]
@@ -46,7 +49,9 @@ def mitsuba(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The folder of tables of an installed Mitsuba that has none yet."""
     spec = ModuleSpec("mitsuba", None, is_package=True)
     spec.submodule_search_locations = [str(tmp_path)]
-    monkeypatch.setattr(importlib.util, "find_spec", {"mitsuba": spec}.get)
+    monkeypatch.setattr(
+        sys.modules["matest.spectra.optical_constants"], "PathFinder", SimpleNamespace(find_spec={"mitsuba": spec}.get)
+    )
     folder = tmp_path / "data" / "ior"
     folder.mkdir(parents=True)
     return folder
@@ -127,7 +132,9 @@ def test_metal_without_table_is_refused(mitsuba: Path) -> None:
 
 
 def test_without_mitsuba_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
+    monkeypatch.setattr(
+        sys.modules["matest.spectra.optical_constants"], "PathFinder", SimpleNamespace(find_spec=lambda _: None)
+    )
     with pytest.raises(InputError, match=r'pip install "matest-brdf\[metals\]", or give a file'):
         optical_constants("copper")
 
