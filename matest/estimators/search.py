@@ -13,9 +13,9 @@ from torch import Tensor
 from matest.capture import Batch
 from matest.estimators.linear import amplitudes
 from matest.estimators.linearise import Linearisation
-from matest.estimators.moments import moments
+from matest.estimators.moments import Compressed, moments
 from matest.estimators.problem import Problem
-from matest.estimators.separable import coefficients, compress, separates
+from matest.estimators.separable import compress, mixture, separates
 from matest.estimators.walk import in_memory
 
 # Nodes per shape parameter, at most so many in all.
@@ -62,15 +62,23 @@ class Search:
         return unknowns
 
 
-def search(problem: Problem, batches: list[Batch]) -> Search:
+def search(problem: Problem, batches: list[Batch], compressed: Compressed | None = None) -> Search:
     """Evaluate the grid; every node's amplitudes are the bounded least-squares solution there.
 
     Weights are those of a first guess (`Batch.measured`).
+
+    Args:
+        problem: what is estimated.
+        batches: the samples.
+        compressed: of them, where the problem separates and this is known already.
     """
     count = min(_NODES, int(_ALL_NODES ** (1 / max(len(problem.shapes), 1))))
     nodes = [_grid(problem, name, count) for name in problem.shapes]
     points = [_with_shapes(problem, combination) for combination in itertools.product(*nodes)]
-    factors, gram, moment = normal_equations(problem, batches, points)
+    if compressed is None:
+        factors, gram, moment = normal_equations(problem, batches, points)
+    else:
+        factors, gram, moment = _mixed(problem, compressed, points)
 
     trials: list[dict[str, Tensor]] = [{}]
     if problem.gauges:
@@ -128,17 +136,20 @@ def _evaluated(problem: Problem, batches: list[Batch], points: list[Tensor], ref
 
 def _separated(problem: Problem, batches: list[Batch], points: list[Tensor], reference: Tensor | None) -> Normal:
     """From one evaluation of the images."""
-    total = compress(problem, in_memory(batches), None, reference).total
+    return _mixed(problem, compress(problem, in_memory(batches), None, reference), points)
+
+
+def _mixed(problem: Problem, compressed: Compressed, points: list[Tensor]) -> Normal:
+    """From the moments of the images."""
+    total = compressed.total
     factors: list[tuple[str, ...]] = []
-    grams, moments = [], []
+    mixtures = []
     for unknowns in points:
-        at = coefficients(problem, unknowns)
-        factors = at.factors
+        factors, weights = mixture(problem, unknowns)
         # Images to terms, [C, K, T].
-        weights = torch.stack([torch.block_diag(*rows).T for rows in zip(*at.weights, strict=True)])
-        grams.append(weights.mT @ total.gram @ weights)
-        moments.append((weights.mT @ total.moment[..., None])[..., 0])
-    return factors, torch.stack(grams), torch.stack(moments)
+        mixtures.append(torch.stack([torch.block_diag(*rows).T for rows in zip(*weights, strict=True)]))
+    mixed = torch.stack(mixtures)
+    return factors, mixed.mT @ total.gram @ mixed, (mixed.mT @ total.moment[..., None])[..., 0]
 
 
 def _grid(problem: Problem, name: str, count: int) -> list[float]:
@@ -162,12 +173,8 @@ def _with_shapes(problem: Problem, shapes: tuple[float, ...]) -> Tensor:
 
 def _minima(cost: Tensor, count: int) -> list[int]:
     """Flat indices of the lowest local minima of a grid, lowest first."""
-    order = cost.flatten().argsort().tolist()
-    places = np.stack(np.unravel_index(np.arange(cost.numel()), cost.shape), axis=-1)
-    chosen: list[int] = []
-    for node in order:
-        if all(np.abs(places[node] - places[other]).max() > 2 for other in chosen):
-            chosen.append(node)
-        if len(chosen) == count:
-            break
-    return chosen
+    padded = np.pad(cost.numpy(), 1, constant_values=np.inf)
+    neighbours = [padded[tuple(slice(k, k + n) for k, n in zip(shift, cost.shape, strict=True))]
+                  for shift in itertools.product(range(3), repeat=cost.ndim)]  # fmt: skip
+    lowest = np.flatnonzero((cost.numpy() <= np.min(neighbours, axis=0)).ravel())
+    return lowest[np.argsort(cost.numpy().ravel()[lowest], kind="stable")][:count].tolist()

@@ -29,14 +29,10 @@ class Coefficients:
     """g(u), the coefficient of every image.
 
     Attributes:
-        factors: names multiplying each of the terms.
-        weights: of the images of each term at unit amplitude, [C, Q].
         total: g [C, K], the images of all terms one after another.
         slopes: derivatives of g by every free parameter of a channel [Q, C, K].
     """
 
-    factors: list[tuple[str, ...]]
-    weights: list[Tensor]
     total: Tensor
     slopes: Tensor
 
@@ -55,7 +51,7 @@ def coefficients(problem: Problem, unknowns: Tensor) -> Coefficients:
     sizes = problem.images
     # Each image has its own copy of the shape parameters: one reverse pass a term yields all derivatives.
     terms, leaves = _probe(problem, unknowns, max(sizes))
-    weights, parts = [], []
+    parts = []
     slopes: dict[str, list[Tensor]] = {name: [] for name in problem.free}
     for term, size in zip(terms, sizes, strict=True):
         own = torch.ones(1, 1, dtype=torch.float64) if term.weights is None else term.weights
@@ -66,7 +62,6 @@ def coefficients(problem: Problem, unknowns: Tensor) -> Coefficients:
             found = dict(zip(leaves, grads, strict=True))
         own = own.detach().expand(problem.channels, size)
         amplitude = product(values, term.factors).expand(problem.channels)[:, None]
-        weights.append(own)
         parts.append(amplitude * own)
         for name in problem.free:
             if name not in leaves:
@@ -79,11 +74,20 @@ def coefficients(problem: Problem, unknowns: Tensor) -> Coefficients:
     stacked = [torch.cat(columns, dim=-1) for columns in slopes.values()]
     total = torch.cat(parts, dim=-1)
     return Coefficients(
-        factors=[term.factors for term in terms],
-        weights=weights,
         total=total,
         slopes=torch.stack(stacked) if stacked else total.new_zeros(0, *total.shape),
     )
+
+
+def mixture(problem: Problem, unknowns: Tensor) -> tuple[list[tuple[str, ...]], list[Tensor]]:
+    """The factors of each term, and the weights of its images at unit amplitude [C, Q]."""
+    terms, _ = _probe(problem, unknowns, 1)
+    weights = []
+    for term, size in zip(terms, problem.images, strict=True):
+        own = torch.ones(1, 1, dtype=torch.float64) if term.weights is None else term.weights
+        own = own[0] if own.ndim == 3 else own
+        weights.append(own.detach().expand(problem.channels, size))
+    return [term.factors for term in terms], weights
 
 
 def _probe(problem: Problem, unknowns: Tensor, copies: int) -> tuple[tuple[Term, ...], dict[str, Tensor]]:
