@@ -21,6 +21,15 @@ def benchmark(
         ),
     ] = "",
     quick: Annotated[bool, typer.Option("--quick", help="Fewer and smaller: two minutes for all suites.")] = False,
+    against: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME,...",
+            help="Race only these: adam, l-bfgs, least_squares, levenberg-marquardt, mitsuba, dr.jit (default: all). "
+            "Without --suite: peers and frontier.",
+            show_default=False,
+        ),
+    ] = "",
     gate: Annotated[
         bool,
         typer.Option("--gate", help="Compare with tests/benchmark_baseline.json; exit code 1 if anything is worse."),
@@ -41,7 +50,7 @@ def benchmark(
     from matest.benchmark import suites
     from matest.benchmark.gate import expected, gate_table, worse
 
-    chosen = suites(suite)
+    chosen = suites(suite, against)
     figures = expected(quick, chosen) if gate else []
     found = []
     for name, one in chosen.items():

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
+from functools import partial
 from typing import NamedTuple
 
 from rich.console import RenderableType
@@ -17,6 +18,7 @@ from matest.benchmark import (
     outliers,
     peers,
     scaling,
+    solvers,
     start,
     stress,
     tables,
@@ -52,20 +54,40 @@ SUITES = {
 }
 
 
-def suites(text: str) -> dict[str, Suite]:
+# Suites that peers take part in.
+RACES = {"peers": peers.run, "frontier": frontier.run}
+
+
+def suites(text: str, against: str = "") -> dict[str, Suite]:
     """The suites named in `text`, separated by commas; all of them if it is empty. The limits of the machine go first.
+
+    Args:
+        text: names of suites.
+        against: names of the peers that `peers` and `frontier` race; all of them if it is empty. These are the only
+            suites then that run without being named.
 
     Raises:
         InputError: an unknown name.
     """
-    names = [name.strip() for name in text.split(",") if name.strip()]
-    for name in names:
-        if name not in SUITES:
-            raise InputError(f"unknown suite '{name}'; {nearest(name, SUITES)}")
+    raced = _named(against, solvers.PEERS, "peer")
+    names = _named(text, SUITES, "suite") or (list(RACES) if raced else [])
+    if raced and not {*names} & {*RACES}:
+        raise InputError(f"--against goes with --suite {' or '.join(RACES)}; got --suite {text}.")
     chosen = {name: SUITES[name] for name in names}
+    for name in RACES if raced else ():
+        if name in chosen:
+            chosen[name] = chosen[name]._replace(run=partial(RACES[name], against=raced))
     if not names:
         chosen = {name: suite._replace(run=_shared(suite)) for name, suite in SUITES.items()}
     return {"limits": Suite(limits.run, limits.limits_table), **chosen}
+
+
+def _named(text: str, known: Collection[str], what: str) -> list[str]:
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    for name in names:
+        if name not in known:
+            raise InputError(f"unknown {what} '{name}'; {nearest(name, known)}")
+    return names
 
 
 def _shared(suite: Suite) -> Callable[[bool, Progress], Iterator[Record]]:

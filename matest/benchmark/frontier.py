@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -17,6 +17,7 @@ from matest.benchmark import hand_written, renderers, solvers
 from matest.benchmark.curves import Curve, Yardstick
 from matest.benchmark.record import Progress, Record
 from matest.benchmark.simulated import sphere, vase
+from matest.benchmark.solvers import PEERS, raced
 from matest.benchmark.subjects import GLOSSY, IMAGES, Subject, sphere_of, subject
 from matest.benchmark.tables import by_case, case_name, figure, ruled
 from matest.benchmark.task import CLOSE, Task, Trace, Values
@@ -86,22 +87,19 @@ CASES = {
 }
 
 
-def run(quick: bool, progress: Progress) -> Iterator[Record]:
+def run(quick: bool, progress: Progress, against: Collection[str] = PEERS) -> Iterator[Record]:
     """Records of every scene."""
     for name, case in CASES.items():
-        yield from measure(name, case.make(SIZE_QUICK if quick else SIZE), case.prepare, quick, progress)
-
-
-def measure(name: str, found: Subject, prepare: Prepare | None, quick: bool, progress: Progress) -> Iterator[Record]:
-    """Every estimator on one scene."""
-    yield Record("frontier", name, "samples", len(found.task.radiance), "1", "higher")
-    progress(f"{name}: matest")
-    own, yardstick = _matest(found, quick)
-    yield from figures(name, "matest", own, own)
-    for estimator, once in _estimators(found, prepare, yardstick, quick).items():
-        progress(f"{name}: {estimator}")
-        for peer, curve in once().items():
-            yield from figures(name, peer, curve, own)
+        found = case.make(SIZE_QUICK if quick else SIZE)
+        yield Record("frontier", name, "samples", len(found.task.radiance), "1", "higher")
+        progress(f"{name}: matest")
+        own, yardstick = _matest(found, quick)
+        yield from figures(name, "matest", own, own)
+        for estimator, once in _estimators(found, case.prepare, yardstick, quick).items():
+            if raced(estimator, against):
+                progress(f"{name}: {estimator}")
+                for peer, curve in once().items():
+                    yield from figures(name, peer, curve, own)
 
 
 def _estimators(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 
 from rich.console import Group
@@ -14,6 +14,7 @@ import matest
 from matest.benchmark import hand_written, renderers, solvers
 from matest.benchmark.record import Progress, Record
 from matest.benchmark.renderers import Prepared, Race
+from matest.benchmark.solvers import PEERS, raced
 from matest.benchmark.subjects import GLOSSY, IMAGES, Subject, sphere_of
 from matest.benchmark.tables import by_case, case_name, figure, notes, ruled
 from matest.benchmark.task import CLOSE, Task, Trace, Values, distance
@@ -48,13 +49,13 @@ HAND_WRITTEN = {
 Found = tuple[float | None, str]
 
 
-def run(quick: bool, progress: Progress) -> Iterator[Record]:
+def run(quick: bool, progress: Progress, against: Collection[str] = PEERS) -> Iterator[Record]:
     """Records of the models that have a hand-written peer."""
     for expression in HAND_WRITTEN:
-        yield from measure(sphere_of(expression, SIZE_QUICK if quick else SIZE), quick, progress)
+        yield from measure(sphere_of(expression, SIZE_QUICK if quick else SIZE), quick, progress, against)
 
 
-def measure(subject: Subject, quick: bool, progress: Progress) -> Iterator[Record]:
+def measure(subject: Subject, quick: bool, progress: Progress, against: Collection[str] = PEERS) -> Iterator[Record]:
     """Times of matest and of every peer, all after a first run that is not counted."""
     expression, task = subject.expression, subject.task
     prepare = HAND_WRITTEN[expression]
@@ -74,9 +75,11 @@ def measure(subject: Subject, quick: bool, progress: Progress) -> Iterator[Recor
         "levenberg-marquardt": lambda: _shortest(lambda: hand_written.levenberg_marquardt(task, prepare), optimum),
     }
     for peer, once in runs.items():
+        if not raced(peer, against):
+            continue
         progress(f"{expression}: {peer}")
         yield from _compared(expression, peer, seconds, once())
-    if expression == GLOSSY:
+    if expression == GLOSSY and raced("mitsuba, dr.jit", against):
         progress(f"{expression}: mitsuba, dr.jit")
         race = renderers.race(
             task, subject.photographs(), optimum, PATIENCE_MITSUBA_QUICK if quick else PATIENCE_MITSUBA
@@ -142,7 +145,7 @@ def _matest(subject: Subject, optimum: Values) -> tuple[float, float]:
     times = []
     for _ in range(ROUNDS + 1):
         start = time.perf_counter()
-        found = matest.estimate(subject.capture, subject.expression, fix=subject.fixed)
+        found = matest.estimate(subject.capture, subject.expression, fix=subject.fixed, precision=CLOSE / 3)
         times.append(time.perf_counter() - start)
     return min(times[1:]), distance(found.material.parameters, optimum)
 
@@ -190,9 +193,9 @@ def peers_table(found: list[Record]) -> Group:
     about = (
         f"{count:,} samples of {IMAGES} photographs of a sphere: time until every parameter stays within {CLOSE:.0%} "
         "of the optimum of the likelihood. Peers get the samples with their geometry and true noise, and start in the "
-        "middle of the domain; matest starts from the photographs in memory. Adam: the best learning rate. "
-        "Levenberg-Marquardt: written by hand for the one model, with its Jacobian; dr.jit: the same as one fused "
-        "kernel. mitsuba: its tutorials' render and Adam. Compiling: with what the first run compiles; prepared: "
-        "without what is computed once."
+        f"middle of the domain; matest starts from the photographs in memory, with --precision {CLOSE / 3:.2g}. Adam: "
+        "the best learning rate. Levenberg-Marquardt: written by hand for the one model, with its Jacobian; dr.jit: "
+        "the same as one fused kernel. mitsuba: its tutorials' render and Adam. Compiling: with what the first run "
+        "compiles; prepared: without what is computed once."
     )
     return Group(Text(about), "", table, *notes(found))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 import torch
 from torch import Tensor
@@ -11,6 +11,8 @@ from matest.benchmark.task import Task, Trace, Values
 from matest.shader import shade
 from matest.trainable import Trainable
 
+# Who can be raced, by the names that `--against` takes.
+PEERS = ("adam", "l-bfgs", "least_squares", "levenberg-marquardt", "mitsuba", "dr.jit")
 # Adam: this many steps within reach of the optimum end a run.
 SETTLED = 30
 _LBFGS_ITERATIONS = 200
@@ -118,3 +120,8 @@ def _values(module: Trainable, task: Task) -> Values:
     with torch.no_grad():
         found = module().parameters
     return {name: found[name] for name in task.free}
+
+
+def raced(name: str, against: Collection[str]) -> bool:
+    """Whether one of the peers that a run is named after ("adam, mini-batches") is wanted."""
+    return any(part.strip() in against for part in name.split(","))

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Callable, Collection, Iterator
 
 import pytest
 
 from matest import benchmark, cli
 from matest.benchmark import limits, models, passes, stress
-from matest.benchmark.record import Record
+from matest.benchmark.record import Progress, Record
 
 # The suites of the estimator have tests of their own.
 OF_MODELS = ("models", "stress")
@@ -100,3 +101,36 @@ def test_what_misses_its_limit_is_told_with_its_place(run, monkeypatch: pytest.M
 )
 def test_record_knows_the_wrong_side_of_its_limit(value: float, better: str, limit: float | None, misses: bool) -> None:
     assert Record("s", "c", "m", value, "1", better, limit).misses is misses  # type: ignore[arg-type]
+
+
+def test_against_races_the_peers_that_are_named(run, monkeypatch: pytest.MonkeyPatch) -> None:
+    raced: dict[str, list[str]] = {}
+
+    def race(name: str) -> Callable[..., Iterator[Record]]:
+        def once(_quick: bool, _progress: Progress, against: Collection[str]) -> Iterator[Record]:
+            raced[name] = list(against)
+            yield Record(name, "case", "metric", 1.0, "1")
+
+        return once
+
+    monkeypatch.setattr(benchmark, "RACES", {name: race(name) for name in benchmark.RACES})
+    for arguments in (("--against", "adam, l-bfgs"), ("--against", "mitsuba", "--suite", "frontier,stress")):
+        code, _, err = run("--quick", "--json", *arguments)
+        assert (code, err) == (0, "")
+    assert raced == {"peers": ["adam", "l-bfgs"], "frontier": ["mitsuba"]}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("--against", "adm"), "unknown peer 'adm'; did you mean 'adam'"),
+        (
+            ("--against", "adam", "--suite", "stress"),
+            "--against goes with --suite peers or frontier; got --suite stress",
+        ),
+    ],
+)
+def test_peers_that_cannot_be_raced_are_refused(run, arguments: tuple[str, ...], sentence: str) -> None:
+    code, out, err = run(*arguments)
+    assert (code, out) == (2, "")
+    assert sentence in err.replace("\n", " ")

@@ -1,0 +1,110 @@
+"""Where to start: the distinct optima that a global search leads to."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import torch
+from torch import Tensor
+
+from matest.capture import Batch
+from matest.capture.batch import REJECTED, Readout
+from matest.capture.samples import join
+from matest.estimators.levenberg_marquardt import Solution, minimise
+from matest.estimators.linearise import Linearisation, accumulate
+from matest.estimators.problem import Problem
+from matest.estimators.search import search
+from matest.estimators.separable import compress, separates, statistics
+from matest.estimators.walk import in_memory, single_threaded_torch
+
+_SEARCH = 4_000
+# First guesses further apart than so many standard errors are followed each to its end.
+_DISTINCT = 1.0
+# Samples further than so many standard deviations from a solution are doubted.
+_HUBER = 2.0
+# χ² of solutions along a valley of the likelihood differs by less than this.
+ALIKE = 0.1
+_PASSES = 60
+
+
+def first_guesses(problem: Problem, batches: list[Batch], start: Tensor | None) -> list[Solution]:
+    """Distinct optima of least squares with the weights of `Batch.measured` on a few thousand of the samples.
+
+    Args:
+        problem: what is estimated.
+        batches: single samples.
+        start: u [P] near the optimum; None: searched for globally.
+    """
+    guesses: list[Solution] = []
+    for view in views(thinned(batches)):
+        settled = replace(view, settled=view.measured())
+        # Moments of images that no unknown touches serve the search and every descent from it.
+        compressed = compress(problem, in_memory([settled]), None, None) if separates(problem) else None
+        starts = [] if start is None else [start]
+        if start is None:
+            with single_threaded_torch():
+                found = search(problem, [settled], compressed)
+            problem, starts = found.problem, found.starts()
+        for first in starts:
+            evaluate = partial(accumulate, problem, tiles=in_memory([settled]), reference=None)
+            if compressed is not None:
+                evaluate = partial(statistics, problem, compressed)
+            guesses.append(minimise(problem, first, evaluate, passes=_PASSES, tolerance=0.01))
+    distinct: list[Solution] = []
+    for guess in sorted(guesses, key=implausibility):
+        if all(distance(other, guess) > _DISTINCT for other in distinct):
+            distinct.append(guess)
+    return distinct
+
+
+def thinned(batches: list[Batch]) -> Batch:
+    """Every so many-th sample, a few thousand in all."""
+    step = max(sum(len(batch) for batch in batches) // _SEARCH, 1)
+    return replace(join([batch[::step] for batch in batches]), runs=())
+
+
+def doubtful(found: Solution, batch: Batch) -> Batch:
+    """The samples with a larger noise the farther they lie from a solution, so that least squares is Huber's (1964).
+
+    Unlike weights that reject what lies far, these still let a highlight that the solution has missed be found.
+    """
+    with torch.no_grad():
+        radiance = Linearisation(found.problem, found.unknowns, derivatives=False).radiance(batch)
+        variance = batch.variance(radiance)
+        deviation = (batch.radiance - radiance).abs() / variance.sqrt() / found.misfit
+        variance = variance * (deviation / _HUBER).clamp(min=1)
+    return replace(batch, readout=Readout(variance, torch.zeros_like(variance[:1])))
+
+
+def views(batch: Batch) -> list[Batch]:
+    """The samples as first guesses see them: with clipped values as measured and, where any are saturated, without.
+
+    Without its saturated middle a highlight may not be seen at all; with it, it is taken for flat.
+    """
+    if batch.clipped is None or not bool((batch.clipped > 0).any()):
+        return [batch]
+    inside = (batch.clipped == 0).all(-1).nonzero()[:, 0]
+    return [batch, batch[inside]] if len(inside) else [batch]
+
+
+def distance(found: Solution, other: Solution) -> float:
+    """Between two solutions of a problem, in standard errors."""
+    change = other.unknowns - found.unknowns
+    return float((change @ found.statistics.information @ change / found.statistics.misfit).clamp(min=0)) ** 0.5
+
+
+def implausibility(found: Solution) -> float:
+    """The cost that solutions with different outliers are compared by: an outlier counts as one just rejected."""
+    return found.statistics.total("cost") + (REJECTED * found.misfit) ** 2 * found.statistics.total("outliers")
+
+
+def most_plausible(found: list[Solution]) -> Solution:
+    """The best of several solutions; of those that the data cannot tell apart the one with the fewest at a bound."""
+    least = min(found, key=implausibility)
+    rivals = [one for one in found if implausibility(one) - implausibility(least) < ALIKE * least.misfit**2]
+
+    def bounds(one: Solution) -> int:
+        return int(((one.unknowns <= one.problem.lower) | (one.unknowns >= one.problem.upper)).sum())
+
+    return min(rivals, key=bounds)
