@@ -13,7 +13,7 @@ from matest.benchmark.simulated import Conditions
 from matest.benchmark.trial import described, trial
 
 SPOILT = Conditions(bits=8, outliers=0.02, saturated=0.05)
-CAPTURES, CAPTURES_QUICK = 2000, 4
+CAPTURES, CAPTURES_QUICK = 2000, 2
 TARGETS = Targets(error=1.3, lowest_coverage=0.90)
 
 

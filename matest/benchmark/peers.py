@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 
 from rich.console import Group
@@ -23,11 +23,11 @@ from matest.scene import Points
 SIZE, SIZE_QUICK = 256, 64
 ROUNDS = 3
 # Adam's learning rates that are tried; what the search costs is not counted.
-RATES = (0.01, 0.03, 0.1, 0.3)
+RATES, RATES_QUICK = (0.01, 0.03, 0.1, 0.3), (0.3,)
 BATCH = 16_384
 # A run of Adam ends after so many seconds; Mitsuba's, which is slower, after so many.
-PATIENCE, PATIENCE_QUICK = 60.0, 3.0
-PATIENCE_MITSUBA, PATIENCE_MITSUBA_QUICK = 120.0, 6.0
+PATIENCE, PATIENCE_QUICK = 60.0, 1.5
+PATIENCE_MITSUBA, PATIENCE_MITSUBA_QUICK = 120.0, 2.0
 # Least times faster than each; None: for information.
 LIMITS = {
     "adam": 50.0,
@@ -46,12 +46,13 @@ HAND_WRITTEN = {
     "cook-torrance": hand_written.cook_torrance,
     GLOSSY: hand_written.cook_torrance_smith,
 }
+QUICK = ("oren-nayar", GLOSSY)
 Found = tuple[float | None, str]
 
 
 def run(quick: bool, progress: Progress, against: Collection[str] = PEERS) -> Iterator[Record]:
     """Records of the models that have a hand-written peer."""
-    for expression in HAND_WRITTEN:
+    for expression in QUICK if quick else HAND_WRITTEN:
         yield from measure(sphere_of(expression, SIZE_QUICK if quick else SIZE), quick, progress, against)
 
 
@@ -60,7 +61,7 @@ def measure(subject: Subject, quick: bool, progress: Progress, against: Collecti
     expression, task = subject.expression, subject.task
     prepare = HAND_WRITTEN[expression]
     optimum = best(subject, prepare)
-    patience = PATIENCE_QUICK if quick else PATIENCE
+    patience, rates = (PATIENCE_QUICK, RATES_QUICK) if quick else (PATIENCE, RATES)
     yield Record("peers", expression, "samples", len(task.radiance), "1", "higher")
     progress(f"{expression}: matest")
     seconds, off = _matest(subject, optimum)
@@ -68,8 +69,8 @@ def measure(subject: Subject, quick: bool, progress: Progress, against: Collecti
     note = "largest relative distance of a parameter from the optimum"
     yield Record("peers", expression, "distance", off, "1", limit=CLOSE, note=note)
     runs: dict[str, Callable[[], Found]] = {
-        "adam": lambda: _adam(task, optimum, None, patience),
-        "adam, mini-batches": lambda: _adam(task, optimum, BATCH, patience),
+        "adam": lambda: _adam(task, optimum, None, rates, patience),
+        "adam, mini-batches": lambda: _adam(task, optimum, BATCH, rates, patience),
         "l-bfgs": lambda: _shortest(lambda: solvers.lbfgs(task), optimum),
         "least_squares": lambda: _shortest(lambda: solvers.least_squares(task), optimum),
         "levenberg-marquardt": lambda: _shortest(lambda: hand_written.levenberg_marquardt(task, prepare), optimum),
@@ -160,11 +161,11 @@ def _shortest(once: Callable[[], Trace], optimum: Values) -> Found:
     return None, _never(traces[0], optimum)
 
 
-def _adam(task: Task, optimum: Values, batch: int | None, patience: float) -> Found:
+def _adam(task: Task, optimum: Values, batch: int | None, rates: Sequence[float], patience: float) -> Found:
     """The shortest time over learning rates; None if none gets there."""
-    solvers.adam(task, RATES[0], batch, lambda _: True)
+    solvers.adam(task, rates[0], batch, lambda _: True)
     shortest, note = math.inf, f"never within {CLOSE:.0%} in {patience:g} s at any learning rate"
-    for rate in RATES:
+    for rate in rates:
         # No use in going on for much longer than the best so far has taken.
         limit = min(patience, 2 * shortest)
         trace = solvers.adam(task, rate, batch, _settled_or(optimum, limit))

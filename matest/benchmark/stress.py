@@ -16,7 +16,7 @@ from matest.benchmark.passes import heavy
 from matest.benchmark.record import Progress, Record
 from matest.brdf import MODELS, Brdf, model, variants
 
-POINTS, POINTS_QUICK = 10_000_000, 16_384
+POINTS, POINTS_QUICK = 10_000_000, 8_192
 # Points at a time: as many as stay near the cache; of a sum over thousands of facets, as few as keep their derivatives
 # below 3 GB.
 TILE, TILE_HEAVY = 16_384, 4096

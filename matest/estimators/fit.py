@@ -29,8 +29,9 @@ _EXPANSIONS, _SETTLED = 40, 0.05
 # With more outliers than this the search is repeated, at most so many times, with less weight for all that lies far
 # from the best solution so far. What it finds closer to that than so many standard errors is the same.
 _SPOILT, _SECOND_THOUGHTS, _ELSEWHERE = 0.001, 3, 10.0
-# Subsamples grow by this factor until they are precise enough, or a walk over all samples costs no more.
-_GROWTH, _SUBSAMPLE = 4, 0.1
+# Where a precision is asked for, subsamples grow, with some to spare and not by more than a factor, until they give it,
+# or a walk over all samples costs no more.
+_FIRST, _SPARE, _LEAP, _SUBSAMPLE = 6_000, 1.2, 100.0, 0.1
 # No more of the values than this can be outliers.
 _MOST_OUTLIERS = 0.1
 # Median of |N(0, 1)|.
@@ -131,14 +132,15 @@ def fit(
         precision: a subsample is enough once it gives every parameter a relative standard error below this.
     """
     progress("searching")
-    count = _PILOT
-    batches = pilot(samples, count, seed)
-    found = fit_batches(problem, batches, start)
-    while largest_relative_std(found) > precision > 0 and _GROWTH * count < _SUBSAMPLE * len(samples):
-        count *= _GROWTH
-        batches = pilot(samples, count, seed)
-        found = fit_batches(found.problem, batches, found.unknowns)
-    if largest_relative_std(found) > precision:
+    count = _FIRST if precision > 0 else _PILOT
+    found = fit_batches(problem, pilot(samples, count, seed), start)
+    while (error := largest_relative_std(found)) > precision > 0:
+        # Errors fall with the root of the number of samples.
+        count = math.ceil(min(_SPARE * (error / precision) ** 2, _LEAP) * count)
+        if count > _SUBSAMPLE * len(samples):
+            break
+        found = fit_batches(found.problem, pilot(samples, count, seed), found.unknowns)
+    if error > precision:
         progress("refining over all samples")
         reference, misfit = found.unknowns, found.misfit
         tiles = AllTiles(samples, merge=True, misfit=misfit)

@@ -79,7 +79,8 @@ def test_every_peer_reaches_the_optimum_from_the_middle_of_the_domain(expression
 def test_every_figure_is_there_and_matest_is_at_the_optimum(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(peers, "SIZE_QUICK", SIZE)
     monkeypatch.setattr(peers, "PATIENCE_QUICK", 0.3)
-    monkeypatch.setattr(peers, "RATES", (0.1,))
+    monkeypatch.setattr(peers, "RATES_QUICK", (0.1,))
+    monkeypatch.setattr(peers, "QUICK", MODELS)
     monkeypatch.setattr(peers, "BATCH", 2000)
     monkeypatch.setattr(peers, "ROUNDS", 1)
     monkeypatch.setattr(renderers, "race", lambda *_: None)
