@@ -39,7 +39,11 @@ SELECTED: dict[str, tuple[Kind, float | None]] = {
     "models/time per pass": ("cost", 0.5),
     "models/* needed components": ("cost", 0.5),
     "estimate/fit / decode": ("cost", 0.5),
+    # To be within 1 % is what counts there.
+    "peers/distance": ("accuracy", 1.0),
     "peers/* / matest": ("cost", 0.5),
+    "frontier/matest: error at the end": ("accuracy", 0.5),
+    "frontier/* / matest": ("cost", 0.5),
     "scaling/exponent": ("cost", None),
     "scaling/time per sample": ("cost", 0.5),
     "start/estimate / *": ("cost", 0.3),

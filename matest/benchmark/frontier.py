@@ -88,8 +88,8 @@ CASES = {
 
 
 def run(quick: bool, progress: Progress, against: Collection[str] = PEERS) -> Iterator[Record]:
-    """Records of every scene; the quick run leaves out the last two."""
-    for name, case in list(CASES.items())[: 2 if quick else None]:
+    """Records of every scene; of the first alone in a quick run."""
+    for name, case in list(CASES.items())[: 1 if quick else None]:
         found = case.make(SIZE_QUICK if quick else SIZE)
         yield Record("frontier", name, "samples", len(found.task.radiance), "1", "higher")
         progress(f"{name}: matest")
