@@ -3,7 +3,8 @@
 Over 7×7 pixels of a smooth surface radiance is bilinear in row and column, to third order. Least squares then need of
 the 49 values no more than their four bilinear coefficients, and these are the same four numbers that single pixels at
 ±2 rows and columns from the centre would have given, each with the noise of 49/4 pixels averaged: over −3…3 as over
-±2, x has mean 0 and mean square 4. (No smaller square has such pixels: k² = 12 s² + 1 has no other solution below 97.)
+±2, x has mean 0 and mean square 4. (For k×k pixels and ±s that takes k² = 12 s² + 1, which has no other solution in
+whole numbers below k = 97.)
 """
 
 from __future__ import annotations
