@@ -105,7 +105,8 @@ def test_one_file_is_asked_for(arguments: list[str]) -> None:
 
 def test_the_baseline_of_the_repository_holds_what_is_selected_and_no_seconds() -> None:
     found = baseline.read(ROOT / baseline.PATH)
-    assert {figure.suite for figure in found.quick if figure.kind == "accuracy"} == {"stress", "efficiency", "outliers"}
+    accurate = {figure.suite for figure in found.quick if figure.kind == "accuracy"}
+    assert accurate == {"stress", "efficiency", "outliers", "peers", "frontier"}
     for figure in (*found.quick, *found.full):
         again = list(
             chosen(
