@@ -129,7 +129,10 @@ def estimate(
         skipped=_skipped(samples, solution),
         timing_s={**{stage: capture.timing.get(stage, 0.0) for stage in ("read", "geometry")}, "fit": fit_s},
         holdout=left_out,
-        warnings=_warnings(samples, specification, solution, parameters, bars),
+        warnings=[
+            *_warnings(samples, specification, solution, parameters, bars),
+            *_imprecise(parameters, precision),
+        ],
     )
 
 
@@ -246,9 +249,14 @@ def _skipped(samples: Samples, solution: Solution) -> dict:
         work.append(
             f"shading of {merged:,} pixels: over smooth patches of 7×7 it is bilinear, four samples carry what all say"
         )
+    unread = len(samples) - int(statistics.total("samples"))
+    if unread > 0:
+        work.append(f"reading {unread:,} samples: the others give the precision asked for")
     scene = samples.capture.scene
     if scene.surface.mesh is not None and scene.surface.mesh.convex:
         work.append("shadow rays: the mesh is convex and cannot shadow itself")
+    elif scene.surface.convex:
+        work.append("shadow rays: a sphere cannot shadow itself")
     elif scene.surface.mesh is None:
         work.append("shadow rays: no mesh, cast shadows are unknown")
     if not bool((scene.ambient > 0).any()):
@@ -261,6 +269,28 @@ def _skipped(samples: Samples, solution: Solution) -> dict:
         if name.endswith("diffuse") and isinstance(problem.brdf, Sum) and float(problem.held[name]) == 0:
             work.append(f"{name}: another component is the diffuse one")
     return {"components": [], "samples": {**samples.skipped, "redundant": merged}, "work": work}
+
+
+def _imprecise(parameters: Mapping[str, ParameterEstimate], precision: float | None) -> list[str]:
+    """What could not be estimated to the precision asked for."""
+    errors = {
+        name: max(abs(std / value) for value, std in _numbers(parameter) if value and std is not None)
+        for name, parameter in parameters.items()
+        if parameter.status == "determined" and any(value and std is not None for value, std in _numbers(parameter))
+    }
+    missed = {name: error for name, error in errors.items() if precision is not None and error > precision}
+    if not missed:
+        return []
+    told = ", ".join(f"{name} ({error:.2g})" for name, error in missed.items())
+    return [f"All pixels together do not give the precision of {precision:g} that was asked for: {told}."]
+
+
+def _numbers(parameter: ParameterEstimate) -> list[tuple[float | None, float | None]]:
+    """Value and standard error of every channel."""
+    value, std = parameter.value, parameter.std
+    if isinstance(value, list) and isinstance(std, list):
+        return list(zip(value, std, strict=True))
+    return [(value, std)] if not isinstance(value, list) and not isinstance(std, list) else []
 
 
 def _warnings(

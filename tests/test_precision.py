@@ -36,3 +36,21 @@ def test_a_precision_must_be_positive(precision: float) -> None:
     capture = Studio(size=20).photograph(Lambert(0.5), seed=2)
     with pytest.raises(matest.InputError, match="precision is a relative standard error"):
         matest.estimate(capture, "lambert", precision=precision)
+
+
+def test_a_precision_that_all_pixels_do_not_give_is_told() -> None:
+    capture = Studio(size=48).photograph(OrenNayar(0.6, 0.5), seed=3)
+    found = matest.estimate(capture, "oren-nayar", precision=1e-5)
+    assert found.fit.samples_used == found.fit.samples
+    (warning,) = found.warnings
+    assert warning.startswith("All pixels together do not give the precision of 1e-05 that was asked for: albedo (")
+    assert "sigma (" in warning
+    assert matest.estimate(capture, "oren-nayar").warnings == []
+
+
+def test_samples_that_were_not_read_are_accounted_for() -> None:
+    capture = Studio(size=256).photograph(OrenNayar(0.6, 0.5), seed=3)
+    found = matest.estimate(capture, "oren-nayar", precision=0.05)
+    unread = found.fit.samples - found.fit.samples_used
+    assert unread > 0.9 * found.fit.samples
+    assert f"reading {unread:,} samples: the others give the precision asked for" in found.skipped["work"]

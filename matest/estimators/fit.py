@@ -31,7 +31,7 @@ _EXPANSIONS, _SETTLED = 40, 0.05
 _SPOILT, _SECOND_THOUGHTS, _ELSEWHERE = 0.001, 3, 10.0
 # Where a precision is asked for, subsamples grow, with some to spare and not by more than a factor, until they give it,
 # or a walk over all samples costs no more.
-_FIRST, _SPARE, _LEAP, _SUBSAMPLE = 6_000, 1.2, 100.0, 0.1
+_FIRST, _SPARE, _LEAP, _SUBSAMPLE = 6_000, 1.2, 100.0, 0.04
 # No more of the values than this can be outliers.
 _MOST_OUTLIERS = 0.1
 # Median of |N(0, 1)|.
