@@ -237,7 +237,9 @@ def ends_of_descents(chosen: Problem, capture: Capture, least: float, most: floa
     samples = capture.samples(dtype=torch.float64)
     tiles = AllTiles(samples)
     found = search(chosen, list(samples.tiles()))
-    starts = [start for start in found.starts(9) if least < float(start[-1]) < most]
+    # Every other node of the grid, with its best amplitudes.
+    (nodes,) = found.nodes
+    starts = [found._fill(k, (value,)) for k, value in enumerate(nodes) if k % 2 == 0 and least < value < most]
     assert len(starts) >= 3
     ends = []
     for start in starts:
