@@ -87,9 +87,7 @@ class Capture:
 
     def release(self, image: int) -> None:
         """Give back the memory of an image's pixels where they lie in a temporary file too."""
-        mapped = getattr(self.stored[image], "_mmap", None)
-        if mapped is not None and hasattr(mmap, "MADV_DONTNEED"):
-            mapped.madvise(mmap.MADV_DONTNEED)
+        _give_back(self.stored[image])
 
     @property
     def names(self) -> list[str]:
@@ -233,7 +231,15 @@ class _Spill:
             spilled = np.memmap(file, dtype=array.dtype, shape=array.shape, mode="w+")
         spilled[:] = array
         spilled.flush()
+        _give_back(spilled)
         return spilled
+
+
+def _give_back(array: np.ndarray) -> None:
+    """Drop the pages of a mapped file from memory; they are read again when they are needed."""
+    mapped = getattr(array, "_mmap", None)
+    if mapped is not None and hasattr(mmap, "MADV_DONTNEED"):
+        mapped.madvise(mmap.MADV_DONTNEED)
 
 
 def references(tables: schema.CaptureFile) -> list[tuple[str, str]]:
