@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -204,23 +203,6 @@ class Samples:
             for cluster, index in self._clusters(position)
             for start in range(0, len(index), size)
         ]
-
-    def bundles(self, position: int, size: int = TILE) -> list[list[tuple[int, np.ndarray, int]]]:
-        """The pieces of an image in groups of about `size` samples: small blocks are not worth a tile each."""
-        groups: list[list[tuple[int, np.ndarray, int]]] = [[]]
-        filled = 0
-        for piece in self.pieces(position, size):
-            if groups[-1] and filled + len(piece[1]) > size:
-                groups.append([])
-                filled = 0
-            groups[-1].append(piece)
-            filled += len(piece[1])
-        return [group for group in groups if group]
-
-    def bundled(self, pieces: list[tuple[int, np.ndarray, int]]) -> Batch:
-        """One batch of several pieces of one image."""
-        batch = self.at(pieces[0][0], np.concatenate([index for _, index, _ in pieces]))
-        return replace(batch, runs=tuple((cluster, len(index)) for _, index, cluster in pieces))
 
     def _clusters(self, position: int) -> list[tuple[int, np.ndarray]]:
         """Blocks of an image: their labels, position · BLOCKS + block, and usable pixels."""
