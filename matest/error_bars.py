@@ -83,19 +83,17 @@ def error_bars(solution: Solution, capture: Capture) -> ErrorBars:
     bound = at_bound(problem, solution.unknowns, statistics.gradient) & (push > _PUSHED)
     everything = torch.ones_like(bound)
     closed, opened = (fisher(statistics.information / scale, free) for free in (~bound, everything))
-    blocks = [sums.gradient / scale for sums in statistics.clusters.values()]
-    informations = [sums.information / scale for sums in statistics.clusters.values()]
-    correlation, by_chance = correlation_of_residuals(blocks, informations, closed)
+    correlation, by_chance = correlation_of_residuals(
+        statistics.gradients / scale, statistics.informations / scale, closed
+    )
     allowed = (_HOLDS_STATED if capture.noise_given else _HOLDS_ESTIMATED) + 5 * math.sqrt(
         2 / max(statistics.total("values"), 1)
     )
     holds = chi2 <= allowed and correlation <= max(_CORRELATED, 1 + _BY_CHANCE * by_chance)
     by_image = statistics.grouped(BLOCKS)
-    clusters = by_image if len(by_image.clusters) >= _MIN_CLUSTERS else statistics
-    if holds or len(clusters.clusters) < _MIN_CLUSTERS:
+    clusters = by_image if len(by_image) >= _MIN_CLUSTERS else statistics
+    if holds or len(clusters) < _MIN_CLUSTERS:
         return ErrorBars(closed, opened, bound, chi2, correlation, holds, "fisher")
-    informations = [sums.information for sums in clusters.clusters.values()]
-    gradients = [sums.gradient for sums in clusters.clusters.values()]
 
     def inside(information: Tensor, gradient: Tensor) -> Tensor:
         return bounded_step(problem, solution.unknowns, information, gradient)
@@ -104,8 +102,8 @@ def error_bars(solution: Solution, capture: Capture) -> ErrorBars:
         return fisher(information, everything).matrix @ gradient
 
     return ErrorBars(
-        jackknife(informations, gradients, ~bound, inside),
-        jackknife(informations, gradients, everything, anywhere),
+        jackknife(clusters.informations, clusters.gradients, ~bound, inside),
+        jackknife(clusters.informations, clusters.gradients, everything, anywhere),
         bound,
         chi2,
         correlation,

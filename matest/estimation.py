@@ -169,7 +169,7 @@ def relative_error(capture: Capture, material: Brdf, images: Iterable[int]) -> f
     problem = Problem(material, capture.channels, (), material.parameters, {})
     nothing = torch.zeros(0, dtype=torch.float64)
     statistics = accumulate(problem, nothing, AllTiles(capture.samples(images)), None)
-    return statistics.relative_rmse if statistics.clusters else None
+    return statistics.relative_rmse if statistics.total("samples") else None
 
 
 def _worth_freeing(specification: Specification, solution: Solution) -> list[str]:

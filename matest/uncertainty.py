@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
@@ -74,20 +74,20 @@ def error_of(information: Tensor, direction: Tensor) -> float | None:
 
 
 def jackknife(
-    informations: Sequence[Tensor],
-    gradients: Sequence[Tensor],
+    informations: Tensor,
+    gradients: Tensor,
     free: Tensor,
     resolve: Callable[[Tensor, Tensor], Tensor],
 ) -> Covariance:
     """Covariance from leaving out one cluster of correlated samples at a time.
 
     Args:
-        informations: JᵀWJ of each cluster [P, P].
-        gradients: JᵀWr of each cluster [P] at the solution, where they add up to (almost) zero.
+        informations: JᵀWJ of each cluster [B, P, P].
+        gradients: JᵀWr of each cluster [B, P] at the solution, where they add up to (almost) zero.
         free: parameters not at a bound [P].
         resolve: change of the parameters for given JᵀWJ and JᵀWr, inside their bounds.
     """
-    total, slope = torch.stack(list(informations)).sum(0), torch.stack(list(gradients)).sum(0)
+    total, slope = informations.sum(0), gradients.sum(0)
     reference = fisher(total, free)
     moved = torch.stack(
         [
@@ -104,9 +104,7 @@ def jackknife(
     return Covariance(matrix, reference.undetermined, degrees=count - 1)
 
 
-def correlation_of_residuals(
-    gradients: Sequence[Tensor], informations: Sequence[Tensor], covariance: Covariance
-) -> tuple[float, float]:
+def correlation_of_residuals(gradients: Tensor, informations: Tensor, covariance: Covariance) -> tuple[float, float]:
     """How much more the scores JᵀWr of clusters scatter than independent residuals would: 1 if the model holds.
 
     The mean over parameters of gᵀ A⁻¹ g summed over clusters, A the information: residuals may be as small as the
@@ -114,18 +112,17 @@ def correlation_of_residuals(
     White's information matrix test, 1982).
 
     Args:
-        gradients: JᵀWr of each cluster [P].
-        informations: JᵀWJ of each cluster [P, P].
+        gradients: JᵀWr of each cluster [B, P].
+        informations: JᵀWJ of each cluster [B, P, P].
         covariance: A⁻¹ over the free parameters.
 
     Returns:
         The ratio, and its standard deviation where residuals are independent.
     """
-    scores = torch.stack(list(gradients))
     rank = max(int((covariance.matrix.diagonal() > 0).sum()), 1)
-    shares = torch.stack(list(informations)) @ covariance.matrix
+    shares = informations @ covariance.matrix
     by_chance = math.sqrt(2 * float((shares * shares.mT).sum()))
-    return float(((scores @ covariance.matrix) * scores).sum()) / rank, by_chance / rank
+    return float(((gradients @ covariance.matrix) * gradients).sum()) / rank, by_chance / rank
 
 
 def quantile95(degrees: float) -> float:

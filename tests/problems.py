@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from matest.estimators import Problem
-from matest.estimators.moments import Scores, Statistics, Sums
+from matest.estimators.moments import Statistics, scores
 from matest.specification import Constraints, Value, specify
 
 
@@ -50,5 +50,5 @@ def quadratic(matrix: Tensor, optimum: Tensor, unknowns: Tensor, floor: float = 
     offset = optimum - unknowns
     gradient = matrix @ offset
     cost = float(offset @ gradient) + floor
-    sums = Sums(matrix, gradient, Scores(cost, cost, 100, 0, 0.0, 1.0, 100, 100))
-    return Statistics({0: sums})
+    found = scores(cost=cost, chi2=cost, values=100, squared_signal=1.0, samples=100, evaluated=100)
+    return Statistics(torch.zeros(1).long(), matrix[None], gradient[None], found)

@@ -98,7 +98,7 @@ def test_nothing_free_has_no_covariance() -> None:
 def test_jackknife_of_a_mean_is_the_textbook_formula() -> None:
     values = torch.from_numpy(np.random.default_rng(6).normal(3.0, 2.0, 9))
     offsets = values - values.mean()
-    covariance = jackknife([torch.ones(1, 1, dtype=DOUBLE)] * 9, list(offsets[:, None]), everything(1), unbounded)
+    covariance = jackknife(torch.ones(9, 1, 1, dtype=DOUBLE), offsets[:, None], everything(1), unbounded)
     assert float(covariance.std) == pytest.approx(float(values.std(unbiased=True)) / 3)
     assert covariance.degrees == 8
 
@@ -112,8 +112,8 @@ def test_jackknife_of_a_regression_leaves_out_one_cluster_at_a_time() -> None:
         for k in range(6)
     ]
     whole = np.linalg.lstsq(np.concatenate(designs), np.concatenate(targets))[0]
-    informations = [torch.from_numpy(x.T @ x) for x in designs]
-    gradients = [torch.from_numpy(x.T @ (y - x @ whole)) for x, y in zip(designs, targets, strict=True)]
+    informations = torch.stack([torch.from_numpy(x.T @ x) for x in designs])
+    gradients = torch.stack([torch.from_numpy(x.T @ (y - x @ whole)) for x, y in zip(designs, targets, strict=True)])
     covariance = jackknife(informations, gradients, everything(2), unbounded)
     moved = np.array(solve) - np.mean(solve, axis=0)
     np.testing.assert_allclose(covariance.matrix.numpy(), 5 / 6 * moved.T @ moved, rtol=1e-9)
@@ -128,7 +128,12 @@ def test_jackknife_keeps_parameters_at_a_bound_and_undetermined_ones_out() -> No
         informations.append(x.T @ x)
         gradients.append(torch.from_numpy(rng.standard_normal(4)))
     free = torch.tensor([True, True, True, False])
-    covariance = jackknife(informations, gradients, free, lambda m, g: torch.linalg.lstsq(m, g[:, None]).solution[:, 0])
+    covariance = jackknife(
+        torch.stack(informations),
+        torch.stack(gradients),
+        free,
+        lambda m, g: torch.linalg.lstsq(m, g[:, None]).solution[:, 0],
+    )
     assert covariance.undetermined.tolist() == [False, True, True, False]
     assert (covariance.std > 0).tolist() == [True, False, False, False]
 
@@ -140,7 +145,9 @@ def test_independent_residuals_have_correlation_one() -> None:
         x = rng.standard_normal((50, 3))
         scores.append(torch.from_numpy(x.T @ rng.standard_normal(50)))
         informations.append(torch.from_numpy(x.T @ x))
-    found, by_chance = correlation_of_residuals(scores, informations, fisher(sum(informations), everything(3)))
+    found, by_chance = correlation_of_residuals(
+        torch.stack(scores), torch.stack(informations), fisher(sum(informations), everything(3))
+    )
     assert by_chance == pytest.approx(math.sqrt(2 / (400 * 3)), rel=0.05)
     assert found == pytest.approx(1, abs=3 * by_chance)
 
@@ -148,11 +155,11 @@ def test_independent_residuals_have_correlation_one() -> None:
 def test_the_correlation_of_few_blocks_scatters_as_much_as_it_says() -> None:
     rng = np.random.default_rng(12)
     blocks = [rng.standard_normal((size, 2)) for size in (400, 100, 30, 10)]
-    informations = [torch.from_numpy(x.T @ x) for x in blocks]
-    covariance = fisher(sum(informations), everything(2))
+    informations = torch.stack([torch.from_numpy(x.T @ x) for x in blocks])
+    covariance = fisher(informations.sum(0), everything(2))
     trials = []
     for _ in range(2000):
-        scores = [torch.from_numpy(x.T @ rng.standard_normal(len(x))) for x in blocks]
+        scores = torch.stack([torch.from_numpy(x.T @ rng.standard_normal(len(x))) for x in blocks])
         found, by_chance = correlation_of_residuals(scores, informations, covariance)
         trials.append(found)
     assert np.mean(trials) == pytest.approx(1, abs=0.08)
@@ -167,8 +174,8 @@ def test_residuals_that_lean_one_way_over_a_cluster_have_a_large_correlation() -
         residuals = math.sqrt(0.5) * (rng.standard_normal(50) + rng.standard_normal())
         scores.append(torch.tensor([residuals.sum()]))
         total += 50
-    informations = [torch.full((1, 1), 50.0, dtype=DOUBLE)] * 100
-    found, by_chance = correlation_of_residuals(scores, informations, fisher(total, everything(1)))
+    informations = torch.full((100, 1, 1), 50.0, dtype=DOUBLE)
+    found, by_chance = correlation_of_residuals(torch.stack(scores), informations, fisher(total, everything(1)))
     assert found == pytest.approx(25.5, rel=0.5)
     assert by_chance < 0.2
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -17,7 +18,8 @@ from matest.scene import Points
 TRUSTED, REJECTED = 4.0, 6.0
 # A value that may have been clipped, closer to the end of the sensor's range than this, says little of the fit.
 _CLEAR = 3.0
-# A patch of pixels is not merged where the model bends by more than this share of the noise of the patch's mean.
+# A square of pixels is not merged where the model leaves its polynomial by more than this share of the noise of its
+# mean.
 _BENT = 0.25
 _LOG_ROOT_TWO_PI = 0.5 * math.log(2 * math.pi)
 
@@ -54,38 +56,57 @@ class Working(NamedTuple):
     scatter: Tensor | None = None
 
 
-@dataclass(frozen=True)
-class Merged:
-    """Patches of pixels in a batch: first four samples for each of m patches, then their centres, which count nothing.
+@dataclass(frozen=True, eq=False)
+class Tier:
+    """Squares of neighbouring pixels of one size, over which radiance is a polynomial where the surface is smooth.
 
     Attributes:
-        count: m.
-        pixels: number of pixels of a patch.
-        single: gives the samples of some of the patches (bool [m]) pixel by pixel.
+        shares: how many pixels each of the n samples stands for that stand for such a square [n].
+        checks: the polynomial through n values at k other places, where it is compared with the model [k, n].
     """
 
-    count: int
-    pixels: int
-    single: Callable[[Tensor], Batch]
+    shares: Tensor
+    checks: Tensor
+
+    @property
+    def size(self) -> int:
+        """Samples that a square takes in a batch."""
+        return len(self.shares) + len(self.checks)
+
+
+@dataclass(frozen=True)
+class Merged:
+    """Squares of pixels in a batch: of each tier first what stands for them, then where they are checked.
+
+    Attributes:
+        tiers: with the number of squares of each.
+        finer: gives the samples of some of the squares (of each tier which, bool) by smaller squares or pixel by pixel.
+    """
+
+    tiers: tuple[tuple[Tier, int], ...]
+    finer: Callable[[Mapping[Tier, np.ndarray]], Batch]
 
     def judge(self, batch: Batch, reference: Tensor, misfit: float) -> tuple[Batch, Batch | None]:
-        """The batch without patches over which radiance is not bilinear, and those pixel by pixel.
-
-        Where it is, the centre has the mean radiance of the four.
+        """The batch without squares over which the model is no such polynomial, and those by themselves.
 
         Args:
-            batch: that these patches belong to.
+            batch: that these squares belong to.
             reference, misfit: as in `Batch.working`.
         """
-        nodes = reference[: 4 * self.count].unflatten(0, (self.count, 4))
-        centre = reference[4 * self.count : 5 * self.count]
-        noise = (batch.variance(reference)[4 * self.count : 5 * self.count] / self.pixels).sqrt()
-        bent = ((centre - nodes.mean(1)).abs() > _BENT * misfit * noise).any(dim=-1)
-        if batch.copies is None or not bool(bent.any()):
+        assert batch.copies is not None
+        copies, bent, start = batch.copies.clone(), {}, 0
+        for tier, count in self.tiers:
+            nodes = slice(start, start + count * len(tier.shares))
+            checked = slice(nodes.stop, start := start + count * tier.size)
+            expected = tier.checks.to(reference) @ reference[nodes].unflatten(0, (count, -1))
+            noise = (batch[checked].variance(reference[checked]) / float(tier.shares.sum())).sqrt()
+            off = (reference[checked] - expected.flatten(0, 1)).abs()
+            own = (off > _BENT * misfit * noise).any(dim=-1).unflatten(0, (count, -1)).any(dim=-1)
+            copies[nodes].unflatten(0, (count, -1))[own] = 0
+            bent[tier] = own.cpu().numpy()
+        if not any(own.any() for own in bent.values()):
             return batch, None
-        copies = batch.copies.clone()
-        copies[: 4 * self.count].unflatten(0, (self.count, 4))[bent] = 0
-        return replace(batch, copies=copies), self.single(bent)
+        return replace(batch, copies=copies), self.finer(bent)
 
 
 @dataclass(frozen=True)
@@ -103,7 +124,7 @@ class Batch:
         pixels: of each sample its place among the surface's N pixels, int64 [n]; None where there is no image.
         copies: how many pixels each sample stands for [n, 1]; its radiance is as precise as their mean. None: one.
         scatter: mean square of what the radiance of those pixels deviates from what stands for them [n, C].
-        merged: the patches of pixels that the first samples stand for; None: every sample is a pixel.
+        merged: the squares of pixels that the first samples stand for; None: every sample is a pixel.
         settled: the least-squares problem where it is known already; None: as `working` finds it.
     """
 

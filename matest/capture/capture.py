@@ -82,8 +82,7 @@ class Capture:
         """Measured radiance [n, C] of object pixels, float32."""
         stored = self.stored[image]
         chosen = stored[index] if isinstance(index, slice) else np.take(stored, index, axis=0)
-        signal = self.encoding.signal(chosen, index)
-        return signal * np.float32(self.encoding.scale / self.exposures[image])
+        return self.encoding.signal(chosen, index, self.encoding.scale / self.exposures[image])
 
     def release(self, image: int) -> None:
         """Give back the memory of an image's pixels where they lie in a temporary file too."""

@@ -1,57 +1,63 @@
-"""Square patches of neighbouring pixels, each stood for by four samples that carry what all of it says.
-
-Over 7×7 pixels of a smooth surface radiance is bilinear in row and column, to third order. Least squares then need of
-the 49 values no more than their four bilinear coefficients, and these are the same four numbers that single pixels at
-±2 rows and columns from the centre would have given, each with the noise of 49/4 pixels averaged: over −3…3 as over
-±2, x has mean 0 and mean square 4. (For k×k pixels and ±s that takes k² = 12 s² + 1, which has no other solution in
-whole numbers below k = 97.)
-"""
+"""The samples of a capture with smooth patches of neighbouring pixels merged."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import cached_property
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from matest.capture.batch import TRUSTED, Batch, Merged
+from matest.capture.batch import TRUSTED, Batch, Merged, Tier
+from matest.capture.layout import (
+    NINE,
+    NODES,
+    PATCH,
+    PIXELS,
+    PROJECTION,
+    QUILT,
+    QUILT_SIDE,
+    SEW,
+    SHARE,
+    UNPICK,
+    Layout,
+    by_rows,
+    lay_out,
+    nothing_laid_out,
+)
 from matest.capture.samples import BLOCKS, Samples
-from matest.scene import PointLight
 
-SIDE = 7
-PIXELS = SIDE * SIDE
-# Pixels that each of the four stands for.
-SHARE = PIXELS / 4
-# Places of the four in a patch, row by row.
-NODES = (8, 12, 36, 40)
-# The geometry of the four, and the bilinear part of that of their patch, differ by less than this (radians) where the
-# surface is smooth: creases, edges and noisy normals are not.
-_SMOOTH = 5e-4
 # Surfaces of fewer pixels are not worth it.
 _WORTH = 1 << 15
-# Patches that are worked on at once fit the processor's cache; a tile has about this many samples.
-_CHUNK, _TILE = 1024, 98_304
+# Patches that are worked on at once; a tile has about this many samples.
+_CHUNK, _TILE = 4096, 98_304
 
 
-def _projection() -> Tensor:
-    """Bilinear part of a patch at its four nodes, [4, 49]."""
-    steps = torch.arange(SIDE, dtype=torch.float64) - SIDE // 2
-    down, across = (grid.flatten() / 2 for grid in torch.meshgrid(steps, steps, indexing="ij"))
-    bilinear = torch.stack([torch.ones_like(down), down, across, down * across])
-    # The nodes' own columns of these four functions are orthogonal, as all 49 are.
-    return bilinear[:, list(NODES)].T @ bilinear / PIXELS
+@dataclass(frozen=True)
+class _Tile:
+    """Patches of one image.
 
+    Attributes:
+        position: of the image.
+        patches, quilts: as in `Layout`.
+        values: radiance of the patches at their nodes [4, m, C].
+        scatter: mean square of what their pixels deviate from that [m, C].
+    """
 
-PROJECTION = _projection()
+    position: int
+    patches: np.ndarray
+    quilts: np.ndarray
+    values: Tensor
+    scatter: Tensor
 
 
 class Patches:
-    """The samples of a capture with smooth patches of pixels merged.
+    """The samples of a capture, as few for every smooth stretch of pixels as carry what all of them say.
 
     A patch is merged where all its pixels are usable, none is clipped or nearly so, and none is far from the bilinear
-    part of the patch: what the likelihood treats pixel by pixel stays single.
+    part of the patch: what the likelihood treats pixel by pixel stays single. A quilt is where all its patches are.
 
     Args:
         samples: all of them.
@@ -65,134 +71,146 @@ class Patches:
         self._merge = merge
 
     @cached_property
-    def pixels(self) -> np.ndarray:
-        """Pixels of the smooth patches, row by row: indices into the surface [M, 49], ordered by block."""
-        surface = self.samples.capture.scene.surface
-        height, width = (size // SIDE for size in surface.shape)
-        if not self._merge or len(surface) < _WORTH:
-            return np.empty((0, PIXELS), dtype=np.int64)
-        index = np.full(surface.shape, -1)
-        index.flat[surface.pixels] = np.arange(len(surface))
-        squares = index[: height * SIDE, : width * SIDE].reshape(height, SIDE, width, SIDE)
-        cells = squares.transpose(0, 2, 1, 3).reshape(-1, PIXELS)
-        cells = cells[(cells >= 0).all(axis=1)]
-        cells = cells[self._smooth(cells)]
-        return cells[np.argsort(self.samples.blocks[cells[:, PIXELS // 2]], kind="stable")]
-
-    def _smooth(self, cells: np.ndarray) -> np.ndarray:
-        """Which patches have a smooth surface."""
+    def layout(self) -> Layout:
+        """Where patches can be."""
         scene = self.samples.capture.scene
-        surface = scene.surface
-        features = [surface.normals_as(torch.float32).detach()]
-        if len(surface.view) > 1:
-            features.append(surface.view.float())
-        near = [light.position for lights in scene.lights for light in lights if isinstance(light, PointLight)]
-        if near and surface.positions is not None:
-            closest = min(float((surface.positions - position).norm(dim=-1).min()) for position in near)
-            features.append((surface.positions.detach() / closest).float())
-        if scene.unoccluded is not None:
-            features.append(torch.from_numpy(scene.unoccluded).float()[:, None])
-        smooth = np.ones(len(cells), dtype=bool)
-        projection, columns = PROJECTION.float(), torch.from_numpy(np.ascontiguousarray(cells.T))
-        for feature in features:
-            values = feature[columns]
-            bilinear = (projection @ values.flatten(1)).reshape(4, *values.shape[1:])
-            smooth &= ((bilinear - values[list(NODES)]).abs().amax((0, 2)) < _SMOOTH).numpy()
-        return smooth
-
-    @cached_property
-    def _owner(self) -> np.ndarray:
-        """The patch that each pixel of the surface belongs to, M for none [N]."""
-        owner = np.full(len(self.samples.capture.scene.surface), len(self.pixels))
-        owner[self.pixels] = np.arange(len(self.pixels))[:, None]
-        return owner
-
-    @cached_property
-    def _loose(self) -> np.ndarray:
-        """Pixels of no patch."""
-        return np.flatnonzero(self._owner == len(self.pixels))
-
-    def _split(self, position: int) -> tuple[np.ndarray, np.ndarray]:
-        """Patches whose pixels are all usable in the image at `position` [m, 49], and the other usable pixels."""
-        usable = self.samples.usable(position)
-        whole = np.ones(len(self.pixels) + 1, dtype=bool)
-        whole[self._owner[np.flatnonzero(~usable)]] = False
-        single = np.concatenate([self._loose, self.pixels[~whole[:-1]].ravel()])
-        return self.pixels[whole[:-1]], single[usable[single]]
+        if not self._merge or len(scene.surface) < _WORTH:
+            return nothing_laid_out(len(scene.surface))
+        return lay_out(scene, self.samples.blocks)
 
     def parts(self, position: int) -> int:
         """Number of tiles of the image at `position`."""
-        return max(1, round((self.samples.counts[position] - len(self.pixels) * (PIXELS - 4)) / _TILE))
+        patches, quilts = self.layout.patches.shape[1], self.layout.quilts.shape[1]
+        merged = quilts * (QUILT_SIDE**2 - QUILT.size) + (patches - NINE * quilts) * (PIXELS - PATCH.size)
+        return max(1, round((self.samples.counts[position] - merged) / _TILE))
 
     def batch(self, position: int, part: int) -> Batch:
-        """One of the tiles of an image: four samples for each patch that is merged, then the single pixels."""
-        samples, parts = self.samples, self.parts(position)
-        image = samples.images[position]
-        patches, single = (np.array_split(chosen, parts)[part] for chosen in self._split(position))
-        merged, radiance, scatter = self._merged(image, patches)
-        single = np.concatenate([patches[~merged].ravel(), single])
-        patches = patches[merged]
-        if not patches.size:
-            return self._single(position, single)
-        count, centres = len(patches), patches[:, PIXELS // 2]
-        blocks = samples.blocks[single]
-        pixels = single[np.argsort(blocks, kind="stable")]
-        index = np.concatenate([patches[:, NODES].ravel(), centres, pixels])
-        like, clipped = samples.radiance(image, pixels), samples.clipped(image, pixels)
-        number, channels = 5 * count, like.shape[1]
-        runs = _runs(position, samples.blocks[centres], len(NODES))
-        return Batch(
-            points=samples.points(image, index),
-            radiance=torch.cat([radiance.to(like), like.new_zeros(count, channels), like]),
-            readout=samples.readout(image, index),
-            limits=samples.limits(image, index),
-            clipped=None if clipped is None else torch.cat([clipped.new_zeros(number, channels), clipped]),
-            copies=torch.cat([
-                like.new_full((len(NODES) * count, 1), SHARE), like.new_zeros(count, 1), like.new_ones(len(pixels), 1)
-            ]),
-            scatter=torch.cat([
-                scatter.to(like).repeat_interleave(len(NODES), dim=0), like.new_zeros(count + len(pixels), channels)
-            ]),
-            runs=(*runs, (runs[-1][0], count), *_runs(position, blocks, 1)),
-            merged=Merged(count, PIXELS, lambda some: self._single(position, patches[some.cpu().numpy()].ravel())),
-        )  # fmt: skip
+        """One of the tiles of an image: what stands for quilts, then for patches, then single pixels."""
+        layout, image, parts = self.layout, self.samples.images[position], self.parts(position)
+        sewn = NINE * layout.quilts.shape[1]
+        own = _stretch(layout.quilts.shape[1], part, parts)
+        quilts, loose = layout.quilts[:, own], layout.loose[_stretch(len(layout.loose), part, parts)]
+        patches = layout.patches
+        if parts > 1:
+            single = patches[:, sewn:][:, _stretch(patches.shape[1] - sewn, part, parts)]
+            patches = np.concatenate([patches[:, NINE * own.start : NINE * own.stop], single], axis=1)
+        usable = self.samples.usable(position)
+        values, scatter, clean = self._projected(image, patches)
+        clean &= np.all(usable[patches], axis=0)
+        whole = np.all(clean[: NINE * quilts.shape[1]].reshape(-1, NINE), axis=1)
+        others = clean.copy()
+        others[: NINE * quilts.shape[1]][np.repeat(whole, NINE)] = False
+        single = np.concatenate([patches[:, ~clean].ravel(), loose])
+        tile = _Tile(position, patches, quilts, values, scatter)
+        return self._batch(tile, np.flatnonzero(whole), np.flatnonzero(others), single[usable[single]])
 
-    def _single(self, position: int, pixels: np.ndarray) -> Batch:
-        """The samples of some pixels of an image, ordered by block."""
-        blocks = self.samples.blocks[pixels]
-        order = np.argsort(blocks, kind="stable")
-        batch = self.samples.at(self.samples.images[position], pixels[order])
-        return replace(batch, runs=tuple(_runs(position, blocks, 1)))
-
-    def _merged(self, image: int, patches: np.ndarray) -> tuple[np.ndarray, Tensor, Tensor]:
-        """Which of some patches [m, 49] to merge; radiance [4 m', C] and mean square deviation [m', C] of those."""
+    def _projected(self, image: int, patches: np.ndarray) -> tuple[Tensor, Tensor, np.ndarray]:
+        """Values and scatter of patches [49, m] as in `_Tile`, and which to merge [m]."""
         capture, projection = self.samples.capture, PROJECTION.float()
         nodes, largest, scatter = [], [], []
-        for start in range(0, len(patches), _CHUNK):
-            chunk = patches[start : start + _CHUNK].T.ravel()
-            values = torch.from_numpy(capture.radiance(image, chunk)).reshape(PIXELS, -1)
+        for start in range(0, patches.shape[1], _CHUNK):
+            pixels = patches[:, start : start + _CHUNK].ravel()
+            values = torch.from_numpy(capture.radiance(image, pixels)).reshape(PIXELS, -1)
             bilinear = projection @ values
-            nodes.append(bilinear.reshape(len(NODES), -1, capture.channels).transpose(0, 1))
             # In place: memory is what limits this.
-            deviation = values.addmm_(projection.T, bilinear, alpha=-SHARE)
-            largest.append(torch.maximum(deviation.amax(0), -deviation.amin(0)).reshape(-1, capture.channels))
-            scatter.append(deviation.square_().mean(0).reshape(-1, capture.channels))
+            squares = values.addmm_(projection.T, bilinear, alpha=-SHARE).square_()
+            nodes.append(bilinear)
+            largest.append(squares.amax(0))
+            scatter.append(squares.mean(0))
         if not nodes:
             none = torch.zeros(0, capture.channels)
-            return np.zeros(0, dtype=bool), none, none
-        every = torch.cat(nodes)
-        clean = self._clean(image, patches[:, PIXELS // 2], every, torch.cat(largest))
-        return clean.numpy(), every[clean].flatten(0, 1), torch.cat(scatter)[clean]
+            return none.expand(len(NODES), -1, -1), none, np.zeros(0, dtype=bool)
+        shape = (patches.shape[1], capture.channels)
+        every = torch.cat(nodes, dim=1).unflatten(1, shape)
+        clean = self._clean(image, patches[PIXELS // 2], every, torch.cat(largest).reshape(shape).sqrt())
+        return every, torch.cat(scatter).reshape(shape), clean.numpy()
 
-    def _clean(self, image: int, centres: np.ndarray, nodes: Tensor, largest: Tensor) -> Tensor:
+    def _clean(self, image: int, middles: np.ndarray, values: Tensor, largest: Tensor) -> Tensor:
         """Patches whose pixels are all near the bilinear part and far from the ends of the sensor's range."""
-        readout, limits = self.samples.readout(image, centres), self.samples.limits(image, centres)
-        variance = readout.read.cpu() + readout.gain.cpu() * nodes.mean(1).clamp(min=0)
+        readout, limits = self.samples.readout(image, middles), self.samples.limits(image, middles)
+        variance = readout.read.cpu() + readout.gain.cpu() * values.mean(0).clamp(min=0)
         far = TRUSTED * self._misfit * variance.sqrt()
         clean = largest <= far
         if limits is not None:
-            clean &= (nodes.amin(1) - far >= limits.lower.cpu()) & (nodes.amax(1) + far <= limits.upper.cpu())
+            clean &= (values.amin(0) - far >= limits.lower.cpu()) & (values.amax(0) + far <= limits.upper.cpu())
         return clean.all(dim=-1)
+
+    def _batch(self, tile: _Tile, quilts: np.ndarray, patches: np.ndarray, single: np.ndarray) -> Batch:
+        """Some quilts and patches of a tile, and single pixels of its image, in one batch."""
+        samples, position = self.samples, tile.position
+        image, blocks = samples.images[position], samples.blocks
+        patches = patches[np.argsort(blocks[tile.patches[PIXELS // 2, patches]], kind="stable")]
+        single = single[np.argsort(blocks[single], kind="stable")]
+        like, clipped = samples.radiance(image, single), samples.clipped(image, single)
+        if not len(quilts) and not len(patches):
+            return replace(samples.at(image, single), runs=tuple(_runs(position, blocks[single], 1)))
+        pixels, radiance, scatter, copies, runs, tiers = [], [], [], [], [], []
+        for tier, own, values, spread in (
+            (QUILT, tile.quilts[:, quilts], *_sewn(tile, quilts)),
+            (
+                PATCH,
+                tile.patches[[*NODES, PIXELS // 2]][:, patches],
+                tile.values[:, patches],
+                tile.scatter[patches].expand(len(NODES), -1, -1),
+            ),
+        ):
+            count, nodes = own.shape[1], len(tier.shares)
+            if not count:
+                continue
+            checks = tier.checks.to(values) @ values.flatten(1)
+            pixels += [own[:nodes].T.ravel(), own[nodes:].T.ravel()]
+            radiance += [_by_square(values), _by_square(checks.reshape(-1, *values.shape[1:]))]
+            scatter += [_by_square(spread), spread.new_zeros(len(checks) * count, like.shape[1])]
+            copies += [tier.shares.to(values).repeat(count), values.new_zeros(len(checks) * count)]
+            runs += _runs(position, blocks[own[nodes // 2]], nodes)
+            runs.append((runs[-1][0], len(checks) * count))
+            tiers.append((tier, count))
+        index = np.concatenate([*pixels, single])
+        merged = sum(len(part) for part in pixels)
+        return Batch(
+            points=samples.points(image, index),
+            radiance=torch.cat([*(part.to(like) for part in radiance), like]),
+            readout=samples.readout(image, index),
+            limits=samples.limits(image, index),
+            clipped=None if clipped is None else torch.cat([clipped.new_zeros(merged, like.shape[1]), clipped]),
+            copies=torch.cat([*(part.to(like) for part in copies), like.new_ones(len(single))])[:, None],
+            scatter=torch.cat([*(part.to(like) for part in scatter), torch.zeros_like(like)]),
+            runs=(*runs, *_runs(position, blocks[single], 1)),
+            merged=Merged(tuple(tiers), partial(self._finer, tile, quilts, patches)),
+        )
+
+    def _finer(self, tile: _Tile, quilts: np.ndarray, patches: np.ndarray, bent: Mapping[Tier, np.ndarray]) -> Batch:
+        """The patches of bent quilts and the pixels of bent patches."""
+        bent_quilts, bent_patches = (
+            own[bent[tier]] if tier in bent else own[:0] for tier, own in ((QUILT, quilts), (PATCH, patches))
+        )
+        parts = (NINE * bent_quilts[:, None] + np.arange(NINE)).ravel()
+        return self._batch(tile, quilts[:0], parts, tile.patches[:, bent_patches].ravel())
+
+
+def _sewn(tile: _Tile, quilts: np.ndarray) -> tuple[Tensor, Tensor]:
+    """Radiance of quilts at their samples, and the mean square of what the pixels that these stand for deviate from it.
+
+    Both [9, q, C]. Each of the nine takes the deviations of the patch that it lies in.
+    """
+    parts = (NINE * quilts[:, None] + np.arange(NINE)).ravel()
+    values = by_rows(tile.values[:, parts])
+    sewn = SEW.to(values) @ values.flatten(1)
+    off = (values.flatten(1) - UNPICK.to(values) @ sewn).square()
+    between = off.reshape(3, 2, 3, 2, *values.shape[1:]).sum((1, 3)).reshape(NINE, *values.shape[1:])
+    within = tile.scatter[parts].unflatten(0, (-1, NINE)).transpose(0, 1)
+    share = QUILT.shares.to(values)[:, None, None]
+    return sewn.reshape(between.shape), (PIXELS * within + SHARE * between) / share
+
+
+def _by_square(values: Tensor) -> Tensor:
+    """Values [k, n, C] of n squares, one square after another [n k, C]."""
+    return values.transpose(0, 1).flatten(0, 1)
+
+
+def _stretch(length: int, part: int, parts: int) -> slice:
+    """One of so many stretches of about the same length."""
+    return slice(part * length // parts, (part + 1) * length // parts)
 
 
 def _runs(position: int, blocks: np.ndarray, times: int) -> list[tuple[int, int]]:

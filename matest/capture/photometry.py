@@ -58,20 +58,22 @@ class Encoding:
             return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear.clip(0.0031308) ** (1 / 2.4) - 0.055)
         return linear ** (1 / float(self.transfer))
 
-    def signal(self, stored: np.ndarray, index: np.ndarray | slice) -> np.ndarray:
-        """Stored pixels [n, C] of the object pixels `index` as linear fractions of full scale above black."""
+    def signal(self, stored: np.ndarray, index: np.ndarray | slice, unit: float = 1.0) -> np.ndarray:
+        """Stored pixels [n, C] of the object pixels `index` as linear signals above black; full scale is `unit`."""
         if stored.dtype.kind == "u":
-            scale = int(full_scale(stored.dtype))
+            top = int(full_scale(stored.dtype))
             if self.transfer == "linear":
-                linear = stored.astype(np.float32) * np.float32(1 / scale)
+                linear = np.multiply(stored, np.float32(unit / top), dtype=np.float32)
             else:
-                table = self.linear(np.arange(scale + 1) / scale).astype(np.float32)
+                table = (unit * self.linear(np.arange(top + 1) / top)).astype(np.float32)
                 linear = table[stored]
         else:
             linear = self.linear(stored)
+            if unit != 1:
+                linear = linear * np.float32(unit)
         black = self.black if isinstance(self.black, float) else self.black[index]
         if isinstance(black, np.ndarray) or black:
-            linear = linear - np.asarray(black, dtype=np.float32)
+            linear = linear - np.asarray(unit * black, dtype=np.float32)
         if self.flat is not None:
             linear = linear / self.flat[index]
         return linear

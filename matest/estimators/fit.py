@@ -15,11 +15,12 @@ from matest.capture.batch import TRUSTED
 from matest.capture.patches import Patches
 from matest.capture.samples import join
 from matest.estimators.guess import ALIKE, distance, doubtful, first_guesses, implausibility, most_plausible, thinned
-from matest.estimators.levenberg_marquardt import Solution, at_bound, minimise
-from matest.estimators.linearise import Linearisation
+from matest.estimators.levenberg_marquardt import Solution, at_bound, bounded_step, minimise
+from matest.estimators.linearise import Linearisation, accumulate
+from matest.estimators.moments import Statistics
 from matest.estimators.pilot import pilot
 from matest.estimators.problem import Problem
-from matest.estimators.separable import passes_over
+from matest.estimators.separable import passes_over, separates
 from matest.estimators.walk import in_memory
 from matest.uncertainty import fisher
 
@@ -40,6 +41,9 @@ _GAUGE_ROUNDS = 6
 # Images worked on at once; captures with fewer samples are worked on in two tiles.
 _GROUP, _SMALL = 4, 1 << 18
 _PILOT_PASSES, _FULL_PASSES = 60, 20
+# A fit ends where the next step would be shorter than so many standard errors. One step over all samples is enough if
+# χ² per value is below this.
+_CLOSE, _HOLDS = 0.03, 1.05
 
 Progress = Callable[[str], None]
 
@@ -120,8 +124,9 @@ def fit(
 ) -> Solution:
     """The maximum-likelihood estimate from all samples: from the pilot's optimum, passes over everything.
 
-    From there one Gauss-Newton step has the full efficiency; a second pass proves that it did. The likelihood stays
-    expanded about the pilot's optimum: that need not be exact, and makes its cost one that passes can be compared by.
+    From there one Gauss-Newton step has the full efficiency; where it might not, a second pass follows. The likelihood
+    stays expanded about the pilot's optimum: that need not be exact, and makes its cost one that passes can be compared
+    by.
 
     Args:
         problem: what is estimated.
@@ -145,9 +150,43 @@ def fit(
         reference, misfit = found.unknowns, found.misfit
         tiles = AllTiles(samples, merge=True, misfit=misfit)
         evaluate = passes_over(found.problem, tiles, reference, reference, misfit)
-        found = minimise(found.problem, reference, evaluate, passes=_FULL_PASSES, tolerance=0.03)
+        first = evaluate(reference)
+        one_step = None if separates(found.problem) else _single_step(found, first)
+        found = one_step or minimise(
+            found.problem, reference, evaluate, passes=_FULL_PASSES, tolerance=_CLOSE, first=first
+        )
         found = replace(found, misfit=misfit, tiles=tiles)
     return replace(found, unknowns=found.problem.wrapped(found.unknowns))
+
+
+def _single_step(start: Solution, statistics: Statistics) -> Solution | None:
+    """The Gauss-Newton step over all samples, where a second one would be negligible; None where that is not known.
+
+    A model that holds bends the step in two ways: by its own curvature, which the pilot's samples show without their
+    noise (how far does one step miss the target if the target's own radiance is photographed?), and by that of its
+    residuals, which noise alone makes smaller by the root of the number of samples.
+
+    Args:
+        start: the pilot's optimum and samples.
+        statistics: of all samples there.
+    """
+    problem, unknowns = start.problem, start.unknowns
+    change = bounded_step(problem, unknowns, statistics.information, statistics.gradient)
+    arrived = statistics.moved(change)
+    if arrived.reduced_chi2 > _HOLDS:
+        return None
+    target = Linearisation(problem, unknowns + change, derivatives=False)
+    _, batches = _settled(problem, [tile() for group in start.tiles for tile in group], unknowns)
+    with torch.no_grad():
+        imagined = [
+            replace(batch, settled=batch.settled._replace(response=target.radiance(batch)))
+            for batch in batches
+            if batch.settled is not None
+        ]
+    again = accumulate(problem, unknowns, in_memory(imagined), None)
+    missed = bounded_step(problem, unknowns, again.information, again.gradient) - change
+    length = math.sqrt(float(missed @ statistics.information @ missed) / arrived.misfit)
+    return Solution(problem, unknowns + change, arrived, 1, length, True) if length < _CLOSE else None
 
 
 def largest_relative_std(found: Solution) -> float:
@@ -167,7 +206,7 @@ class AllTiles:
 
     Attributes:
         samples: all of them.
-        merge: let four samples stand for every smooth patch of pixels (`Patches`).
+        merge: let a few samples stand for every smooth patch of pixels (`Patches`).
         misfit: see `Batch.working`.
     """
 
@@ -182,7 +221,7 @@ class AllTiles:
     def __iter__(self) -> Iterator[list[Callable[[], Batch]]]:
         images, patches = range(len(self.samples.images)), self.patches
         tiles = [[partial(patches.batch, k, part) for part in range(patches.parts(k))] for k in images]
-        if not len(patches.pixels) and len(self.samples) < _SMALL:
+        if not patches.layout.patches.size and len(self.samples) < _SMALL:
             # Every tile costs as much as a thousand samples: few large ones.
             half = (len(images) + 1) // 2
             yield [partial(_joined, own) for own in (tiles[:half], tiles[half:]) if own]

@@ -113,7 +113,15 @@ def bounded_step(
     return position - unknowns
 
 
-def minimise(problem: Problem, start: Tensor, evaluate: Evaluate, *, passes: int, tolerance: float) -> Solution:
+def minimise(
+    problem: Problem,
+    start: Tensor,
+    evaluate: Evaluate,
+    *,
+    passes: int,
+    tolerance: float,
+    first: Statistics | None = None,
+) -> Solution:
     """Minimise a sum of squares with fixed weights from `start` (damping after Nielsen 1999).
 
     Args:
@@ -123,8 +131,9 @@ def minimise(problem: Problem, start: Tensor, evaluate: Evaluate, *, passes: int
         passes: at most this many.
         tolerance: stop when the next step promises to move u by less than this many standard errors (those of the
             residuals found, which a misfit makes larger than the noise alone would).
+        first: the statistics at the start, if a pass has given them already.
     """
-    unknowns, statistics = start, evaluate(start)
+    unknowns, statistics = start, first or evaluate(start)
     damping, growth, share = 1e-6, 2.0, 1.0
     step = _step(problem, unknowns, statistics, damping)
     for iteration in range(1, passes):

@@ -13,7 +13,7 @@ from matest.brdf.base import factor_slope, factor_value, named_by
 from matest.capture import Batch
 from matest.directions import Directions
 from matest.estimators.images import Images, illuminate
-from matest.estimators.moments import Compressed, Moments, Statistics, moments
+from matest.estimators.moments import Compressed, Moments, Statistics, joined, moments, nothing
 from matest.estimators.problem import Problem
 from matest.estimators.walk import Tiles, walk
 from matest.shader import check_sky, lit_directions, sky_nodes, sky_terms
@@ -182,20 +182,17 @@ def collect(
         misfit: see `Batch.working`.
     """
 
-    def work(tile: Callable[[], Batch]) -> list[tuple[int, Moments]]:
+    def work(tile: Callable[[], Batch]) -> list[Moments]:
         with torch.no_grad():
             found, batch = [], tile()
             images, radiance, reference = expand(batch)
             if batch.merged is not None and reference is not None:
-                batch, single = batch.merged.judge(batch, reference, misfit)
-                if single is not None:
-                    found = work(lambda: single)
+                batch, finer = batch.merged.judge(batch, reference, misfit)
+                if finer is not None:
+                    found = work(lambda: finer)
             working = batch.settled
             if working is None:
                 working = batch.measured() if reference is None else batch.working(reference, misfit)
-            return [*found, *moments(images, working, working.response - radiance, batch)]
+            return [*found, moments(images, working, working.response - radiance, batch)]
 
-    clusters: dict[int, Moments] = {}
-    for label, found in walk(tiles, work):
-        clusters[label] = clusters[label] + found if label in clusters else found
-    return Compressed(origin, clusters)
+    return Compressed(origin, joined([nothing(*origin.shape), *walk(tiles, work)]))

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -13,78 +14,101 @@ from matest.capture import Batch
 from matest.capture.batch import Working
 from matest.estimators.images import Images
 
-
-@dataclass(frozen=True)
-class Scores:
-    """How well some samples are met.
-
-    Attributes:
-        cost: rᵀWr of all values, what a fit minimises.
-        chi2: rᵀWr of the plain values: measured well inside the sensor's range, and no outliers.
-        values: number of these.
-        outliers: number of plain values of weight 0.
-        squared_residual: rᵀr of the values of `chi2`.
-        squared_signal: yᵀy of them.
-        samples: number of samples.
-        evaluated: number of points that the model was evaluated at.
-    """
-
-    cost: float
-    chi2: float
-    values: int
-    outliers: int
-    squared_residual: float
-    squared_signal: float
-    samples: int
-    evaluated: int
-
-    def __add__(self, other: Scores) -> Scores:
-        return Scores(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
+# What says how well some samples are met, in this order:
+# cost: rᵀWr of all values, what a fit minimises.
+# chi2: rᵀWr of the plain values: measured well inside the sensor's range, and no outliers.
+# values: number of these.
+# outliers: number of plain values of weight 0.
+# squared_residual: rᵀr of the values of `chi2`.
+# squared_signal: yᵀy of them.
+# samples: number of samples.
+# evaluated: number of points that the model was evaluated at.
+SCORES = ("cost", "chi2", "values", "outliers", "squared_residual", "squared_signal", "samples", "evaluated")
+_COUNTS = [SCORES.index(name) for name in ("values", "outliers", "samples")]
 
 
-@dataclass(frozen=True)
+def scores(**given: float) -> Tensor:
+    """A row of scores from some of them by name; the others are 0."""
+    return torch.tensor([[given.get(name, 0.0) for name in SCORES]], dtype=torch.float64)
+
+
+@dataclass(frozen=True, eq=False)
 class Moments:
-    """Additive statistics of the images Φ of some samples, double precision; r is a residual.
+    """Additive statistics of the images Φ of B blocks of samples, double precision; r is a residual.
 
     Attributes:
-        gram: ΦᵀWΦ [C, K, K].
-        moment: ΦᵀWr [C, K].
-        scores: of the residual.
+        labels: of the blocks [B].
+        gram: ΦᵀWΦ [B, C, K, K].
+        moment: ΦᵀWr [B, C, K].
+        scores: of the residual [B, 8], see `SCORES`.
     """
 
+    labels: Tensor
     gram: Tensor
     moment: Tensor
-    scores: Scores
-
-    def __add__(self, other: Moments) -> Moments:
-        return Moments(self.gram + other.gram, self.moment + other.moment, self.scores + other.scores)
+    scores: Tensor
 
 
-def moments(images: Images, working: Working, residual: Tensor, batch: Batch) -> Iterator[tuple[int, Moments]]:
-    """Label and moments of every block of pixels in a batch, for residuals [n, C]."""
+def nothing(channels: int, images: int) -> Moments:
+    """Moments of no block."""
+    none = torch.zeros(0, channels, images, images, dtype=torch.float64)
+    return Moments(torch.zeros(0).long(), none, none[..., 0], none.new_zeros(0, len(SCORES)))
+
+
+def joined(parts: Sequence[Moments]) -> Moments:
+    """The moments of all parts together; blocks in the order of their labels."""
+    labels = torch.cat([part.labels for part in parts])
+    return Moments(
+        *_grouped(
+            labels,
+            torch.cat([part.gram for part in parts]),
+            torch.cat([part.moment for part in parts]),
+            torch.cat([part.scores for part in parts]),
+        )
+    )
+
+
+def _grouped(labels: Tensor, *columns: Tensor) -> Iterator[Tensor]:
+    """Every label once, and of each column the sums over its rows of the same label."""
+    kept, places = np.unique(labels.numpy(), return_inverse=True)
+    yield torch.from_numpy(kept)
+    for column in columns:
+        yield column.new_zeros(len(kept), *column.shape[1:]).index_add_(0, torch.from_numpy(places), column)
+
+
+def moments(images: Images, working: Working, residual: Tensor, batch: Batch) -> Moments:
+    """Moments of every block of pixels in a batch, for residuals [n, C]."""
     values, tint = images.values, images.tint[:, None]
     weight = working.weight.T.contiguous()
-    weighted = values * (weight * tint**2)[:, None]
-    moved = weight * residual.T * tint
-    rows = _rows(working, residual)
-    channels, count = weighted.shape[:2]
-    start = 0
-    for label, length in batch.runs or ((batch.cluster or 0, len(batch)),):
-        part = slice(start, start + length)
-        start += length
-        if len(values) == 1:
-            # One product of matrices for all channels.
-            own = values[0, :, part].T
-            gram = (weighted[..., part].flatten(0, 1) @ own).reshape(channels, count, count)
-            moment = moved[:, part] @ own
-        else:
-            gram = weighted[..., part] @ values[..., part].mT
-            moment = (values[..., part] @ moved[:, part, None])[..., 0]
-        yield label, Moments(gram.double().cpu(), moment.double().cpu(), _scores(rows[:, part]))
+    (channels, samples), count = weight.shape, values.shape[1]
+    # Of every channel the weighted images, then the weighted residual.
+    left = values.new_empty(channels, count + 1, samples)
+    torch.mul(values, (weight * tint**2)[:, None], out=left[:, :-1])
+    torch.mul(weight * residual.T, tint, out=left[:, -1])
+    runs = batch.runs or ((batch.cluster or 0, samples),)
+    ends = torch.tensor([length for _, length in runs]).cumsum(0)
+    parts = [slice(end - length, end) for (_, length), end in zip(runs, ends.tolist(), strict=True)]
+    if len(values) == 1:
+        # One product of matrices for all channels.
+        flat, own = left.flatten(0, 1), values[0]
+        products = torch.stack([flat[:, part] @ own[:, part].T for part in parts])
+        products = products.reshape(-1, channels, count + 1, count)
+    else:
+        products = torch.stack([left[..., part] @ values[..., part].mT for part in parts])
+    products = products.double().cpu()
+    # Sums over the runs as differences of running sums.
+    running = torch.nn.functional.pad(_rows(working, residual).double().cumsum(-1), (1, 0)).cpu()
+    sums = running[:, ends].diff(dim=-1, prepend=running[:, :1])
+    lengths = ends.diff(prepend=ends.new_zeros(1))
+    found = torch.cat([sums, lengths[None].double()]).T
+    # Shares of pixels add up to whole ones.
+    found[:, _COUNTS] = found[:, _COUNTS].round()
+    labels = torch.tensor([label for label, _ in runs])
+    return Moments(labels, products[:, :, :-1], products[:, :, -1], found)
 
 
 def _rows(working: Working, residual: Tensor) -> Tensor:
-    """What `Scores` adds up, sample by sample [7, n]."""
+    """What the scores add up, sample by sample [7, n]."""
     squared, signal = residual.square(), working.response.square()
     if working.scatter is not None:
         # Means over the pixels that each sample stands for.
@@ -107,44 +131,28 @@ def _rows(working: Working, residual: Tensor) -> Tensor:
     return torch.cat([cost[None], chi2[None], rows if working.copies is None else rows * working.copies[:, 0]])
 
 
-def _scores(rows: Tensor) -> Scores:
-    cost, chi2, values, outliers, squared, signal, samples = rows.sum(-1, dtype=torch.float64).tolist()
-    return Scores(cost, chi2, round(values), round(outliers), squared, signal, round(samples), rows.shape[1])
-
-
-@dataclass(frozen=True)
-class Sums:
-    """Additive statistics of some samples, double precision.
+@dataclass(frozen=True, eq=False)
+class Statistics:
+    """Additive statistics of a pass over B blocks of samples, double precision.
 
     Attributes:
-        information: JᵀWJ [P, P].
-        gradient: JᵀWr [P].
-        scores: of the residual.
+        labels: of the blocks [B].
+        informations: JᵀWJ of each [B, P, P].
+        gradients: JᵀWr of each [B, P].
+        scores: of the residual of each [B, 8], see `SCORES`.
     """
 
-    information: Tensor
-    gradient: Tensor
-    scores: Scores
+    labels: Tensor
+    informations: Tensor
+    gradients: Tensor
+    scores: Tensor
 
-    def __add__(self, other: Sums) -> Sums:
-        return Sums(
-            self.information + other.information, self.gradient + other.gradient, self.scores + other.scores
-        )  # fmt: skip
-
-
-@dataclass
-class Statistics:
-    """Statistics of a pass over samples, cluster by cluster."""
-
-    clusters: dict[int, Sums] = field(default_factory=dict)
+    def __len__(self) -> int:
+        return len(self.labels)
 
     def total(self, name: str) -> float:
-        """The sum of one of the `Scores`."""
-        return sum(getattr(sums.scores, name) for sums in self.clusters.values())
-
-    def add(self, cluster: int, sums: Sums) -> None:
-        known = self.clusters.get(cluster)
-        self.clusters[cluster] = sums if known is None else known + sums
+        """The sum of one of the `SCORES`."""
+        return float(self.scores[:, SCORES.index(name)].sum())
 
     @property
     def reduced_chi2(self) -> float:
@@ -168,56 +176,55 @@ class Statistics:
         signal = self.total("squared_signal")
         return math.sqrt(self.total("squared_residual") / signal) if signal > 0 else 0.0
 
+    def moved(self, change: Tensor) -> Statistics:
+        """What a pass would give if the unknowns changed by this [P] and the model were linear in them."""
+        pulled = self.informations @ change
+        rises = pulled @ change - 2 * self.gradients @ change
+        return replace(self, gradients=self.gradients - pulled, scores=_risen(self.scores, rises))
+
     def grouped(self, size: int) -> Statistics:
-        """The same statistics with `size` successive cluster labels joined into one."""
-        joined = Statistics()
-        for cluster, sums in self.clusters.items():
-            joined.add(cluster // size, sums)
-        return joined
+        """The same statistics with `size` successive labels joined into one."""
+        return Statistics(*_grouped(self.labels // size, self.informations, self.gradients, self.scores))
 
     @property
     def information(self) -> Tensor:
-        return torch.stack([sums.information for sums in self.clusters.values()]).sum(0)
+        return self.informations.sum(0)
 
     @property
     def gradient(self) -> Tensor:
-        return torch.stack([sums.gradient for sums in self.clusters.values()]).sum(0)
+        return self.gradients.sum(0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Compressed:
     """Moments of the blocks of pixels, from which statistics at any coefficients follow.
 
     Attributes:
         origin: coefficients g [C, K] that residuals were taken from.
-        clusters: moments of every block.
+        moments: of every block.
     """
 
     origin: Tensor
-    clusters: dict[int, Moments]
-
-    @property
-    def total(self) -> Moments:
-        return sum(list(self.clusters.values())[1:], start=next(iter(self.clusters.values())))
+    moments: Moments
 
     def statistics(self, coefficients: Tensor, slopes: Tensor) -> Statistics:
         """What a pass at `coefficients` [C, K] with derivatives [C, K, P] would give.
 
         The squared residual stays that at the origin.
         """
-        if not self.clusters:
-            return Statistics()
-        change = coefficients - self.origin
-        # Of all B blocks at once, [B, C, …].
-        grams = torch.stack([own.gram for own in self.clusters.values()])
-        vectors = torch.stack([own.moment for own in self.clusters.values()])
-        moved = (grams @ change[..., None])[..., 0]
-        rises = (change * (moved - 2 * vectors)).sum((1, 2)).tolist()
-        informations = (slopes.mT @ grams @ slopes).sum(1)
-        gradients = (slopes.mT @ (vectors - moved)[..., None]).sum(1)[..., 0]
-        blocks = zip(self.clusters.items(), rises, informations, gradients, strict=True)
-        out = {}
-        for (label, own), rise, information, gradient in blocks:
-            scores = replace(own.scores, cost=own.scores.cost + rise, chi2=own.scores.chi2 + rise)
-            out[label] = Sums(information, gradient, scores)
-        return Statistics(out)
+        own, change = self.moments, coefficients - self.origin
+        moved = (own.gram @ change[..., None])[..., 0]
+        rises = (change * (moved - 2 * own.moment)).sum((1, 2))
+        return Statistics(
+            labels=own.labels,
+            informations=(slopes.mT @ own.gram @ slopes).sum(1),
+            gradients=(slopes.mT @ (own.moment - moved)[..., None]).sum(1)[..., 0],
+            scores=_risen(own.scores, rises),
+        )
+
+
+def _risen(scores: Tensor, rises: Tensor) -> Tensor:
+    """Scores [B, 8] where the squared residual of each block rises by so much [B]."""
+    found = scores.clone()
+    found[:, [SCORES.index("cost"), SCORES.index("chi2")]] += rises[:, None]
+    return found

@@ -13,7 +13,7 @@ from torch import Tensor
 from matest.capture import Batch
 from matest.estimators.linear import amplitudes
 from matest.estimators.linearise import Linearisation
-from matest.estimators.moments import Compressed, moments
+from matest.estimators.moments import Compressed, joined, moments
 from matest.estimators.problem import Problem
 from matest.estimators.separable import compress, mixture, separates
 from matest.estimators.walk import in_memory
@@ -124,13 +124,14 @@ def _evaluated(problem: Problem, batches: list[Batch], points: list[Tensor], ref
     for unknowns in points:
         at = Linearisation(problem, unknowns, derivatives=False)
         factors = at.factors
-        parts = [
-            part
-            for batch, view in zip(batches, views, strict=True)
-            for _, part in moments(at.images(batch, cut=False), view, view.response, batch)
-        ]
-        grams.append(torch.stack([part.gram for part in parts]).sum(0))
-        vectors.append(torch.stack([part.moment for part in parts]).sum(0))
+        parts = joined(
+            [
+                moments(at.images(batch, cut=False), view, view.response, batch)
+                for batch, view in zip(batches, views, strict=True)
+            ]
+        )
+        grams.append(parts.gram.sum(0))
+        vectors.append(parts.moment.sum(0))
     return factors, torch.stack(grams), torch.stack(vectors)
 
 
@@ -141,7 +142,7 @@ def _separated(problem: Problem, batches: list[Batch], points: list[Tensor], ref
 
 def _mixed(problem: Problem, compressed: Compressed, points: list[Tensor]) -> Normal:
     """From the moments of the images."""
-    total = compressed.total
+    gram, moment = (part.sum(0) for part in (compressed.moments.gram, compressed.moments.moment))
     factors: list[tuple[str, ...]] = []
     mixtures = []
     for unknowns in points:
@@ -149,7 +150,7 @@ def _mixed(problem: Problem, compressed: Compressed, points: list[Tensor]) -> No
         # Images to terms, [C, K, T].
         mixtures.append(torch.stack([torch.block_diag(*rows).T for rows in zip(*weights, strict=True)]))
     mixed = torch.stack(mixtures)
-    return factors, mixed.mT @ total.gram @ mixed, (mixed.mT @ total.moment[..., None])[..., 0]
+    return factors, mixed.mT @ gram @ mixed, (mixed.mT @ moment[..., None])[..., 0]
 
 
 def _grid(problem: Problem, name: str, count: int) -> list[float]:

@@ -16,7 +16,7 @@ from matest.capture.samples import TILE
 from matest.error_bars import ErrorBars, parameter_estimates
 from matest.estimation import worth_freeing
 from matest.estimators import Problem, Solution, Statistics, accumulate
-from matest.estimators.moments import Scores, Sums
+from matest.estimators.moments import scores
 from matest.identifiability.plan import photographed
 from matest.result import ParameterEstimate
 from matest.specification import Specification, freed
@@ -85,8 +85,9 @@ class Forecast:
         everything = torch.ones(problem.size, dtype=torch.bool)
         covariance = fisher(self.information, everything)
         none = torch.zeros(problem.size).double()
-        sums = Sums(self.information, none, Scores(0.0, 0.0, self.values, 0, 0.0, 1.0, self.values, 0))
-        solution = Solution(problem, self.unknowns, Statistics({0: sums}), 1, 0.0, True)
+        counts = scores(values=self.values, samples=self.values, squared_signal=1.0)
+        statistics = Statistics(torch.zeros(1).long(), self.information[None], none[None], counts)
+        solution = Solution(problem, self.unknowns, statistics, 1, 0.0, True)
         bars = ErrorBars(covariance, covariance, ~everything, 1.0, 1.0, True, "fisher")
         return parameter_estimates(solution, bars)
 
@@ -121,9 +122,8 @@ def forecast(samples: Samples, problem: Problem, unknowns: Tensor) -> Forecast:
             [partial(samples.at, image, kept[start : start + TILE], position) for start in range(0, len(kept), TILE)]
         )
     statistics = accumulate(problem, unknowns, tiles, unknowns)
-    information = torch.zeros(problem.size, problem.size, dtype=torch.float64)
-    for position, sums in statistics.clusters.items():
-        information = information + weights[position] * sums.information
+    each = torch.tensor([weights[position] for position in statistics.labels.tolist()], dtype=torch.float64)
+    information = (each[:, None, None] * statistics.informations).sum(0)
     return Forecast(problem, unknowns, information, len(samples) * samples.capture.channels)
 
 

@@ -10,9 +10,23 @@ import torch
 
 from matest.brdf import CookTorrance, OrenNayar
 from matest.capture import Samples
-from matest.capture.patches import NODES, PIXELS, PROJECTION, SHARE, Patches
+from matest.capture.layout import (
+    NINE,
+    NODES,
+    PATCH,
+    PIXELS,
+    PROJECTION,
+    QUILT,
+    QUILT_SIDE,
+    SEW,
+    SHARE,
+    UNPICK,
+    by_rows,
+)
+from matest.capture.patches import Patches
 from matest.capture.photometry import Encoding, Noise
 from matest.estimators import AllTiles, Problem, accumulate
+from matest.estimators.moments import SCORES
 from tests.problems import problem
 from tests.simulated import Studio, coloured
 
@@ -52,12 +66,46 @@ def test_quadratic_shading_keeps_its_mean() -> None:
     torch.testing.assert_close(PROJECTION @ curved, curved[list(NODES)])
 
 
+def _steps(places: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns, from the middle of a quilt."""
+    rows, columns = np.meshgrid(places, places, indexing="ij")
+    return rows.ravel().astype(float), columns.ravel().astype(float)
+
+
+def _biquadratic(rows: np.ndarray, columns: np.ndarray) -> torch.Tensor:
+    x, y = columns / 8, rows / 8
+    return torch.from_numpy(1 + 0.3 * x - 0.7 * y + 0.2 * x * y + 0.5 * x**2 - 0.4 * y**2 * x + 0.1 * x**2 * y**2)
+
+
+def test_the_nine_of_a_quilt_carry_its_biquadratic_part() -> None:
+    whole = _biquadratic(*_steps(tuple(range(-10, 11)))).reshape(3, 7, 3, 7)
+    patches = whole.permute(1, 3, 0, 2).reshape(PIXELS, NINE)
+    sewn = SEW @ by_rows((PROJECTION @ patches).reshape(4, NINE, 1))[..., 0]
+    torch.testing.assert_close(sewn, _biquadratic(*_steps((-8, 0, 8)))[:, None])
+    torch.testing.assert_close((UNPICK @ sewn)[:, 0], _biquadratic(*_steps((-9, -5, -2, 2, 5, 9))))
+    torch.testing.assert_close((QUILT.checks @ sewn)[:, 0], _biquadratic(*_steps((-4, 4))))
+
+
+def test_the_nine_of_a_quilt_are_as_precise_as_its_pixels() -> None:
+    rows, columns = _steps(tuple(range(-10, 11)))
+    down, across = _steps((-8, 0, 8))
+    assert float(QUILT.shares.sum()) == pytest.approx(QUILT_SIDE**2)
+    for powers in ((0, 0), (1, 0), (0, 1), (1, 1)):
+        every, own = ((y ** powers[0] * x ** powers[1]) ** 2 for y, x in ((rows, columns), (down, across)))
+        assert float((QUILT.shares.numpy() * own).sum()) == pytest.approx(every.sum())
+    for x, y in ((columns, across), (rows, down)):
+        # Parabolas about their mean: a little less, never more.
+        every = ((x**2 - (x**2).mean()) ** 2).sum()
+        own = float((QUILT.shares.numpy() * (y**2 - (x**2).mean()) ** 2).sum())
+        assert 0.93 * every < own < every
+
+
 def test_every_usable_pixel_counts_once() -> None:
     chosen = samples()
     patches = Patches(chosen)
     for position, count in enumerate(chosen.counts):
         batches = [patches.batch(position, part) for part in range(patches.parts(position))]
-        assert sum(float(batch.copies.sum()) for batch in batches) == count
+        assert sum(float(batch.copies.sum()) for batch in batches) == pytest.approx(count, rel=1e-6)
         assert all(sum(length for _, length in batch.runs) == len(batch) for batch in batches)
         assert sum(len(batch) for batch in batches) < count / 3
 
@@ -65,10 +113,10 @@ def test_every_usable_pixel_counts_once() -> None:
 def test_blocks_of_pixels_keep_their_labels() -> None:
     chosen = samples()
     merged, single = (accumulate(*truth("oren-nayar"), AllTiles(chosen, merge), None) for merge in (True, False))
-    assert merged.clusters.keys() == single.clusters.keys()
-    for label, sums in single.clusters.items():
-        # A patch on the border of two blocks belongs to one of them.
-        assert merged.clusters[label].scores.samples == pytest.approx(sums.scores.samples, abs=14 * SIZE / 4)
+    assert torch.equal(merged.labels, single.labels)
+    counts = [found.scores[:, SCORES.index("samples")].numpy() for found in (merged, single)]
+    # A quilt on the border of two blocks belongs to one of them.
+    np.testing.assert_allclose(*counts, atol=42 * SIZE / 4)
 
 
 @pytest.mark.parametrize("expression", MATERIALS)
@@ -88,18 +136,18 @@ def test_merged_pixels_say_what_single_ones_do(expression: str) -> None:
     assert merged.total("squared_signal") == pytest.approx(single.total("squared_signal"), rel=1e-5)
 
 
-def test_a_spoilt_pixel_leaves_its_patch_single() -> None:
+def test_a_spoilt_pixel_leaves_its_patch_single_and_those_around_it_to_themselves() -> None:
     chosen = samples()
-    patches = Patches(chosen)
-    patch = patches.pixels[len(patches.pixels) // 2]
+    middle = Patches(chosen).layout.patches[:, NINE * (Patches(chosen).layout.quilts.shape[1] // 2)]
     stored = [image.copy() for image in chosen.capture.stored]
-    stored[0][patch[5]] = 0.9 * stored[0].max()
+    stored[0][middle[5]] = 0.9 * stored[0].max()
     spoilt = Samples(replace(chosen.capture, stored=tuple(stored)), chosen.images, chosen.dtype, chosen.device)
     before, after = (Patches(some).batch(0, 0) for some in (chosen, spoilt))
     assert after.merged is not None
     assert before.merged is not None
-    assert after.merged.count == before.merged.count - 1
-    assert len(after) - len(before) == PIXELS - 5
+    (quilts, patches), (fewer, more) = ([count for _, count in batch.merged.tiers] for batch in (before, after))
+    assert (fewer, more) == (quilts - 1, patches + 8)
+    assert len(after) - len(before) == PIXELS + 8 * PATCH.size - QUILT.size
 
 
 def test_saturated_pixels_stay_single() -> None:
@@ -114,7 +162,7 @@ def test_saturated_pixels_stay_single() -> None:
         batch = patches.batch(position, 0)
         assert batch.merged is not None
         if batch.clipped is not None:
-            assert not bool(batch.clipped[: 5 * batch.merged.count].any())
+            assert not bool(batch.clipped[: sum(tier.size * count for tier, count in batch.merged.tiers)].any())
             clipped += int((batch.clipped > 0).any(-1).sum())
     assert clipped == chosen.skipped["saturated"] > 100
 
@@ -130,12 +178,12 @@ def test_creases_and_noisy_normals_are_not_smooth() -> None:
     for normals, smooth in ((noisy, False), (creased, True)):
         scene = replace(chosen.capture.scene, surface=replace(surface, normals=normals / normals.norm(dim=-1)[:, None]))
         found = Patches(Samples(replace(chosen.capture, scene=scene), chosen.images, chosen.dtype, chosen.device))
-        assert bool(len(found.pixels)) == smooth
-        across = columns[found.pixels]
-        assert not ((across <= SIZE // 2).any(1) & (across > SIZE // 2).any(1)).any()
+        assert bool(found.layout.patches.size) == smooth
+        across = columns[found.layout.patches]
+        assert not ((across <= SIZE // 2).any(0) & (across > SIZE // 2).any(0)).any()
 
 
 def test_small_surfaces_are_not_merged() -> None:
     chosen = Studio(size=64, lights=coloured()).photograph(MATERIALS["oren-nayar"], seed=0).samples()
-    assert not len(Patches(chosen).pixels)
+    assert not Patches(chosen).layout.patches.size
     assert Patches(chosen).batch(0, 0).merged is None

@@ -16,7 +16,7 @@ from matest.capture import Capture
 from matest.capture.photometry import Noise
 from matest.estimators import AllTiles, Problem, accumulate, at_bound, bounded_step
 from matest.estimators.levenberg_marquardt import Evaluate, minimise
-from matest.estimators.moments import Statistics
+from matest.estimators.moments import SCORES, Statistics
 from matest.estimators.search import search
 from tests.problems import information, problem, quadratic
 from tests.simulated import Studio, coloured
@@ -193,8 +193,9 @@ def test_converged_means_that_the_next_step_is_short_however_many_samples_there_
 
     def evaluate(unknowns: Tensor) -> Statistics:
         statistics = quadratic(matrix, optimum, unknowns, floor=3.6e7)
-        own = statistics.clusters[0]
-        return Statistics({0: replace(own, scores=replace(own.scores, values=36_000_000))})
+        many = statistics.scores.clone()
+        many[:, SCORES.index("values")] = 36_000_000
+        return replace(statistics, scores=many)
 
     solution = minimise(problem("cook-torrance"), start, evaluate, passes=10, tolerance=0.03)
     assert solution.converged
