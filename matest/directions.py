@@ -20,6 +20,11 @@ _ATAN2_SMALL = 1e-3
 _ATAN2_SERIES = [(-1) ** (n - 1) * sum(1 / (2 * k + 1) for k in range(n)) / n for n in range(1, 7)]
 
 
+def dot(vectors: Tensor, other: Tensor) -> Tensor:
+    """Scalar products [n] of vectors [n, 3] with as many others, or with one [1, 3]."""
+    return vectors @ other[0] if len(other) == 1 else (vectors * other).sum(-1)
+
+
 class Directions:
     """A batch of direction pairs. Every quantity has the shape [..., 1], ready to broadcast against channels.
 

@@ -247,7 +247,8 @@ def _skipped(samples: Samples, solution: Solution) -> dict:
     merged = max(int(statistics.total("samples") - statistics.total("evaluated")), 0)
     if merged:
         work.append(
-            f"shading of {merged:,} pixels: over smooth patches of 7×7 it is bilinear, four samples carry what all say"
+            f"shading of {merged:,} pixels: over smooth squares of 7×7 or 21×21 it is bilinear or biquadratic, four or "
+            "nine samples carry what all say"
         )
     unread = len(samples) - int(statistics.total("samples"))
     if unread > 0:

@@ -41,10 +41,10 @@ class Suite(NamedTuple):
 
 
 SUITES = {
-    "models": Suite(models.run, tables.models_table, models.within, 300),
+    "models": Suite(models.run, tables.models_table, models.within, 240),
     "stress": Suite(stress.run, tables.stress_table, stress.within, 150),
-    "efficiency": Suite(efficiency.run, efficiency.efficiency_table, efficiency.within, 240),
-    "outliers": Suite(outliers.run, outliers.outliers_table, outliers.within, 180),
+    "efficiency": Suite(efficiency.run, efficiency.efficiency_table, efficiency.within, 210),
+    "outliers": Suite(outliers.run, outliers.outliers_table, outliers.within, 150),
     "estimate": Suite(estimate.run, estimate.estimate_table),
     "peers": Suite(peers.run, peers.peers_table),
     "frontier": Suite(frontier.run, frontier.frontier_table),

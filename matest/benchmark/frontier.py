@@ -16,6 +16,7 @@ import matest
 from matest.benchmark import hand_written, renderers, solvers
 from matest.benchmark.curves import Curve, Yardstick
 from matest.benchmark.record import Progress, Record
+from matest.benchmark.renderers import Race
 from matest.benchmark.simulated import sphere, vase
 from matest.benchmark.solvers import PEERS, raced
 from matest.benchmark.subjects import GLOSSY, IMAGES, Subject, sphere_of, subject
@@ -33,14 +34,11 @@ SEEDS, SEEDS_QUICK = 3, 1
 RATES, RATES_QUICK = (0.1, 0.03, 0.3), (0.1,)
 BATCH = 16_384
 PATIENCE, PATIENCE_QUICK = 20.0, 0.5
-PATIENCE_MITSUBA, PATIENCE_MITSUBA_QUICK = 120.0, 2.0
 # Where times are compared: when a quantity of `Step` comes to stay below a limit.
 BOUNDS = "to 2 bounds"
 EQUAL = {BOUNDS: ("error", 2.0), "to 1 %": ("off", CLOSE)}
 # Peers that take less than this share of matest's time beat it.
 SLOWER = 1.0
-# A run of Adam may end where it moves by less than this share of its parameters.
-_STILL = 1e-3
 Prepare = Callable[[Points], hand_written.Model]
 
 
@@ -124,8 +122,9 @@ def _estimators(
         solve = partial(hand_written.levenberg_marquardt, task, prepare)
         every["levenberg-marquardt"] = lambda: {"levenberg-marquardt": second(solve)}
     if found.expression == GLOSSY:
-        limit = PATIENCE_MITSUBA_QUICK if quick else PATIENCE_MITSUBA
-        every["mitsuba, dr.jit"] = lambda: of_renderers(found, yardstick, limit)
+        limit = renderers.PATIENCE_QUICK if quick else renderers.PATIENCE
+        size = found.capture.scene.surface.shape[0]
+        every["mitsuba, dr.jit"] = lambda: of_renderers(renderers.race_of_sphere(size, limit), yardstick)
     return every
 
 
@@ -155,15 +154,14 @@ def _adam(task: Task, batch: int | None, rates: Sequence[float], yardstick: Yard
     solvers.adam(task, rates[0], batch, lambda _: True)
 
     def done(trace: Trace) -> bool:
-        return trace.elapsed > patience or trace.settled(yardstick.optimum, solvers.SETTLED, _STILL)
+        return trace.elapsed > patience or trace.settled(yardstick.optimum, solvers.SETTLED, solvers.STILL)
 
     runs = [yardstick.run(solvers.adam(task, rate, batch, done)) for rate in rates]
     return Curve(runs, f"learning rates {', '.join(f'{rate:g}' for rate in rates)}, the best at every time")
 
 
-def of_renderers(found: Subject, yardstick: Yardstick, patience: float) -> dict[str, Curve]:
+def of_renderers(race: Race | None, yardstick: Yardstick) -> dict[str, Curve]:
     """Mitsuba and Dr.Jit; empty curves with the reason where they are missing."""
-    race = renderers.race(found.task, found.photographs(), yardstick.optimum, patience, _STILL)
     if race is None:
         return {"mitsuba": Curve(note=renderers.MISSING), "dr.jit": Curve(note=renderers.MISSING)}
     quickest = min(race.drjit, key=lambda one: one.trace.seconds[-1])

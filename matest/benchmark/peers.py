@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import replace
+from typing import NamedTuple
 
 from rich.console import Group
 from rich.text import Text
@@ -18,17 +18,15 @@ from matest.benchmark.solvers import PEERS, raced
 from matest.benchmark.subjects import GLOSSY, IMAGES, Subject, sphere_of
 from matest.benchmark.tables import by_case, case_name, figure, notes, ruled
 from matest.benchmark.task import CLOSE, Task, Trace, Values, distance
-from matest.scene import Points
 
 SIZE, SIZE_QUICK = 256, 64
 ROUNDS = 3
-# Adam's learning rates that are tried; what the search costs is not counted.
-RATES, RATES_QUICK = (0.01, 0.03, 0.1, 0.3), (0.3,)
+# Adam's learning rates that are tried, the best of most runs first; what the search costs is not counted.
+RATES, RATES_QUICK = (0.3, 0.1, 0.03, 0.01), (0.3,)
 BATCH = 16_384
-# A run of Adam ends after so many seconds; Mitsuba's, which is slower, after so many.
+# A run of Adam ends after so many seconds.
 PATIENCE, PATIENCE_QUICK = 60.0, 1.5
-PATIENCE_MITSUBA, PATIENCE_MITSUBA_QUICK = 120.0, 2.0
-# Least times faster than each; None: for information.
+# Least times faster than each, in a full run; None: for information.
 LIMITS = {
     "adam": 50.0,
     "adam, mini-batches": 50.0,
@@ -47,7 +45,14 @@ HAND_WRITTEN = {
     GLOSSY: hand_written.cook_torrance_smith,
 }
 QUICK = ("oren-nayar", GLOSSY)
-Found = tuple[float | None, str]
+
+
+class Found(NamedTuple):
+    """Seconds until the optimum, None if a solver never gets there; and how long it had gone on then."""
+
+    seconds: float | None
+    note: str
+    spent: float = 0.0
 
 
 def run(quick: bool, progress: Progress, against: Collection[str] = PEERS) -> Iterator[Record]:
@@ -60,7 +65,7 @@ def measure(subject: Subject, quick: bool, progress: Progress, against: Collecti
     """Times of matest and of every peer, all after a first run that is not counted."""
     expression, task = subject.expression, subject.task
     prepare = HAND_WRITTEN[expression]
-    optimum = best(subject, prepare)
+    optimum = subject.optimum(prepare)
     patience, rates = (PATIENCE_QUICK, RATES_QUICK) if quick else (PATIENCE, RATES)
     yield Record("peers", expression, "samples", len(task.radiance), "1", "higher")
     progress(f"{expression}: matest")
@@ -79,33 +84,29 @@ def measure(subject: Subject, quick: bool, progress: Progress, against: Collecti
         if not raced(peer, against):
             continue
         progress(f"{expression}: {peer}")
-        yield from _compared(expression, peer, seconds, once())
+        yield from _compared(expression, peer, seconds, once(), quick)
     if expression == GLOSSY and raced("mitsuba, dr.jit", against):
         progress(f"{expression}: mitsuba, dr.jit")
-        race = renderers.race(
-            task, subject.photographs(), optimum, PATIENCE_MITSUBA_QUICK if quick else PATIENCE_MITSUBA
-        )
+        limit = renderers.PATIENCE_QUICK if quick else renderers.PATIENCE
+        race = renderers.race_of_sphere(SIZE_QUICK if quick else SIZE, limit)
         for peer, found in against_renderers(race, optimum).items():
-            yield from _compared(expression, peer, seconds, found)
+            yield from _compared(expression, peer, seconds, found, quick)
 
 
-def _compared(expression: str, peer: str, seconds: float, found: Found) -> Iterator[Record]:
-    taken, note = found
-    yield Record("peers", expression, peer, taken, "s", note=note)
-    ratio = None if taken is None else taken / seconds
-    yield Record("peers", expression, f"{peer} / matest", ratio, "1", "higher", LIMITS[peer], note)
-
-
-def best(subject: Subject, prepare: Callable[[Points], hand_written.Model]) -> Values:
-    """The optimum of the likelihood, in double precision, from the truth."""
-    exact = replace(subject.task.double(), start=subject.task.start.replace(subject.truth))
-    return hand_written.levenberg_marquardt(exact, prepare).values[-1]
+def _compared(expression: str, peer: str, seconds: float, found: Found, quick: bool) -> Iterator[Record]:
+    yield Record("peers", expression, peer, found.seconds, "s", note=found.note)
+    ratio, note = None, found.note
+    if found.seconds is not None:
+        ratio = found.seconds / seconds
+    elif found.spent:
+        ratio, note = found.spent / seconds, f"at least: {note}"
+    yield Record("peers", expression, f"{peer} / matest", ratio, "1", "higher", None if quick else LIMITS[peer], note)
 
 
 def against_renderers(race: Race | None, optimum: Values) -> dict[str, Found]:
     """Times of Mitsuba and Dr.Jit; one sentence if they are missing."""
     if race is None:
-        return {"mitsuba": (None, renderers.MISSING), "dr.jit": (None, renderers.MISSING)}
+        return {"mitsuba": Found(None, renderers.MISSING), "dr.jit": Found(None, renderers.MISSING)}
     tutorials = {
         rate: arrived
         for rate, trace in race.tutorial.items()
@@ -115,10 +116,10 @@ def against_renderers(race: Race | None, optimum: Values) -> dict[str, Found]:
     if tutorials:
         rate = min(tutorials, key=tutorials.__getitem__)
         note = f"learning rate {rate:g}"
-        found["mitsuba"] = tutorials[rate], note
-        found["mitsuba, compiling"] = tutorials[rate] + race.compiling, note
+        found["mitsuba"] = Found(tutorials[rate], note)
+        found["mitsuba, compiling"] = Found(tutorials[rate] + race.compiling, note)
     else:
-        found["mitsuba"] = None, _never(min(race.tutorial.values(), key=lambda trace: _end(trace, optimum)), optimum)
+        found["mitsuba"] = _never(min(race.tutorial.values(), key=lambda trace: _end(trace, optimum)), optimum)
     runs = sorted(race.drjit, key=lambda one: one.trace.arrival(optimum) or math.inf)
     found["dr.jit"] = _arrival(runs[0], optimum)
     found["dr.jit, prepared"] = _arrival(runs[0], optimum, prepared=True)
@@ -129,16 +130,18 @@ def against_renderers(race: Race | None, optimum: Values) -> dict[str, Found]:
 def _arrival(run: Prepared, optimum: Values, prepared: bool = False) -> Found:
     arrived = run.trace.arrival(optimum)
     if arrived is None:
-        return None, _never(run.trace, optimum)
-    return arrived - (run.preparation if prepared else 0.0), f"{len(run.trace.values)} iterations in all"
+        return _never(run.trace, optimum)
+    return Found(arrived - (run.preparation if prepared else 0.0), f"{len(run.trace.values)} iterations in all")
 
 
 def _end(trace: Trace, optimum: Values) -> float:
     return distance(trace.values[-1], optimum)
 
 
-def _never(trace: Trace, optimum: Values) -> str:
-    return f"never within {CLOSE:.0%} to stay: {_end(trace, optimum):.2g} off after {trace.seconds[-1]:.3g} s"
+def _never(trace: Trace, optimum: Values) -> Found:
+    spent = trace.seconds[-1]
+    note = f"never within {CLOSE:.0%} to stay: {_end(trace, optimum):.2g} off after {spent:.3g} s"
+    return Found(None, note, spent)
 
 
 def _matest(subject: Subject, optimum: Values) -> tuple[float, float]:
@@ -157,8 +160,8 @@ def _shortest(once: Callable[[], Trace], optimum: Values) -> Found:
     traces = [once() for _ in range(ROUNDS)]
     found = [arrived for trace in traces if (arrived := trace.arrival(optimum)) is not None]
     if found:
-        return min(found), f"{len(traces[0].values)} iterations in all"
-    return None, _never(traces[0], optimum)
+        return Found(min(found), f"{len(traces[0].values)} iterations in all")
+    return _never(traces[0], optimum)
 
 
 def _adam(task: Task, optimum: Values, batch: int | None, rates: Sequence[float], patience: float) -> Found:
@@ -173,7 +176,7 @@ def _adam(task: Task, optimum: Values, batch: int | None, rates: Sequence[float]
         if arrived is not None and arrived < shortest:
             size = "all samples" if batch is None else f"{batch:,} samples"
             shortest, note = arrived, f"learning rate {rate:g}, {size} a step"
-    return (shortest, note) if math.isfinite(shortest) else (None, note)
+    return Found(shortest, note) if math.isfinite(shortest) else Found(None, note, patience)
 
 
 def _settled_or(optimum: Values, limit: float) -> Callable[[Trace], bool]:
@@ -189,6 +192,8 @@ def peers_table(found: list[Record]) -> Group:
         for peer, limit in LIMITS.items():
             if peer in metrics:
                 ratio = figure(metrics[f"{peer} / matest"])
+                if metrics[peer].value is None and ratio.plain:
+                    ratio = Text("> ").append_text(ratio)
                 table.add_row(f"  {peer}", figure(metrics[peer]), ratio, "" if limit is None else f"{limit:g}")
     count = max(int(record.value or 0) for record in found if record.metric == "samples")
     about = (

@@ -15,6 +15,8 @@ from matest.benchmark.trial import Trial
 # than a move by one standard error costs.
 MISSED = 0.5
 _RESAMPLINGS = 1000
+# Errors of fewer captures are held to no limit.
+_ENOUGH = 30
 
 
 @dataclass(frozen=True)
@@ -75,16 +77,16 @@ def records(suite: str, case: str, trials: Sequence[Trial], targets: Targets) ->
     yield Record(suite, case, "given", share, "1", "higher", note=_worst(suite, lost))
     if not given:
         return
-    error, held = rms_error(trials), coverage(trials)
+    error, held, judged = rms_error(trials), coverage(trials), len(trials) >= _ENOUGH
     worst = sorted(trials, key=lambda trial: trial.worst, reverse=True)
-    yield Record(suite, case, "rms error", error.value, "bound", limit=targets.error, note=_worst(suite, worst))
+    limit = targets.error if judged else None
+    yield Record(suite, case, "rms error", error.value, "bound", limit=limit, note=_worst(suite, worst))
     yield from _ends(suite, case, "rms error", "bound", error)
     uncovered = sorted(trials, key=lambda trial: trial.uncovered, reverse=True)
-    yield Record(
-        suite, case, "coverage", held.value, "1", "higher", targets.lowest_coverage, note=_worst(suite, uncovered)
-    )
+    limit = targets.lowest_coverage if judged else None
+    yield Record(suite, case, "coverage", held.value, "1", "higher", limit, note=_worst(suite, uncovered))
     yield from _ends(suite, case, "coverage", "1", held)
-    if targets.highest_coverage is not None:
+    if judged and targets.highest_coverage is not None:
         note = f"95 % Monte-Carlo interval {held.low:.3g} to {held.high:.3g}"
         yield Record(suite, case, "coverage, not above", held.value, "1", limit=targets.highest_coverage, note=note)
     checked = [trial for trial in trials if trial.excess is not None]

@@ -9,14 +9,16 @@ from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import torch
 
 from matest.benchmark import drjit_solver, mitsuba_tutorial
+from matest.benchmark.hand_written import cook_torrance_smith
 from matest.benchmark.mitsuba_tutorial import Photographs
-from matest.benchmark.solvers import SETTLED
+from matest.benchmark.solvers import SETTLED, STILL
+from matest.benchmark.subjects import GLOSSY, sphere_of
 from matest.benchmark.task import CLOSE, Task, Trace, Values
 
 MISSING = (
@@ -26,6 +28,8 @@ MISSING = (
 # Adam's learning rates that are tried in Mitsuba; the most promising first, others end when they take twice as long.
 RATES = (0.1, 0.03, 0.3)
 ROUNDS = 3
+# A run of Mitsuba ends after so many seconds.
+PATIENCE, PATIENCE_QUICK = 120.0, 2.0
 
 
 class Prepared(NamedTuple):
@@ -60,6 +64,13 @@ class Race:
             [Prepared(_trace(one), before) for one, before in plain["drjit"]],
             Prepared(_trace(plain["drjit_first"][0]), plain["drjit_first"][1]),
         )
+
+
+@lru_cache(maxsize=1)
+def race_of_sphere(size: int, patience: float) -> Race | None:
+    """`race` on the photographs of a glossy sphere, which take minutes: run once for all suites that show it."""
+    found = sphere_of(GLOSSY, size)
+    return race(found.task, found.photographs(), found.optimum(cook_torrance_smith), patience, STILL)
 
 
 def race(task: Task, photographs: Photographs, optimum: Values, patience: float, close: float = CLOSE) -> Race | None:

@@ -15,6 +15,8 @@ from matest.trainable import Trainable
 PEERS = ("adam", "l-bfgs", "least_squares", "levenberg-marquardt", "mitsuba", "dr.jit")
 # Adam: this many steps within reach of the optimum end a run.
 SETTLED = 30
+# Or where it moves by less than this share of its parameters, for who wants to know its error at the end.
+STILL = 1e-3
 _LBFGS_ITERATIONS = 200
 
 

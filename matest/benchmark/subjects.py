@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from matest.benchmark.glossy import Glossy
+from matest.benchmark.hand_written import Model, levenberg_marquardt
 from matest.benchmark.mitsuba_tutorial import Photographs
 from matest.benchmark.photographs import MATERIALS, lights
 from matest.benchmark.simulated import CLEAN, IRRADIANCE, Draw, sphere
@@ -19,7 +20,7 @@ from matest.capture import Capture
 from matest.capture.photometry import Noise
 from matest.estimators import AllTiles, Problem, accumulate
 from matest.identifiability.forecast import unknowns_at
-from matest.scene import DirectionalLight, Scene, Surface
+from matest.scene import DirectionalLight, Points, Scene, Surface
 from matest.shader import render_image, shade
 from matest.specification import Constraints, specify
 from matest.uncertainty import fisher
@@ -67,6 +68,11 @@ class Subject:
         information = accumulate(problem, truth, AllTiles(samples), truth).information
         std = fisher(information, torch.ones(problem.size, dtype=torch.bool)).std
         return {name: std[place] for name, place in problem.where.items()}
+
+    def optimum(self, prepare: Callable[[Points], Model]) -> Values:
+        """The optimum of the likelihood by the solver written by hand, in double precision from the truth."""
+        exact = replace(self.task.double(), start=self.task.start.replace(self.truth))
+        return levenberg_marquardt(exact, prepare).values[-1]
 
     def problem(self) -> Problem:
         """What is estimated."""

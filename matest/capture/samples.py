@@ -14,6 +14,7 @@ from torch import Tensor
 
 from matest.capture.batch import Batch, Limits, Readout
 from matest.capture.photometry import as_tensor
+from matest.directions import dot
 from matest.scene import Points
 
 if TYPE_CHECKING:
@@ -99,8 +100,7 @@ class Samples:
         positions = None if surface.positions is None else surface.positions.float()
         for number, light in enumerate(scene.lights[image]):
             toward, _ = light.to(torch.float32, "cpu").at(positions)
-            cos = normals @ toward[0] if len(toward) == 1 else (normals * toward).sum(-1)
-            faces = (cos > 0).numpy()
+            faces = (dot(normals, toward) > 0).numpy()
             lit |= faces if shadows is None else faces & ~shadows[number]
         edge = scene.shadow_edge[image] if scene.shadow_edge else None
         return lit if edge is None else lit & ~edge

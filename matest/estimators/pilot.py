@@ -7,9 +7,8 @@ import torch
 
 from matest.capture import Batch, Samples
 from matest.capture.samples import BLOCKS
+from matest.directions import dot
 from matest.estimators.walk import walk
-from matest.scene import Points
-from matest.shader import gathered_light, lit_directions
 
 # Classes of the angle between half vector and normal, degrees: highlights are small and must not be missed.
 _HALF_ANGLES = torch.tensor([2.0, 4.0, 8.0, 16.0, 32.0])
@@ -42,7 +41,7 @@ def _even(samples: Samples, image: int, index: np.ndarray, quota: int, generator
     """`quota` of the pixels `index`, as evenly over the classes of half angle as they are filled."""
     if len(index) <= quota:
         return index
-    classes = half_angles(samples.points(image, index))
+    classes = half_angles(samples, image, index)
     order = generator.permutation(len(index))
     # Rank within its class: taking the lowest ranks fills all classes alike.
     rank = np.empty(len(index), dtype=np.int64)
@@ -52,11 +51,18 @@ def _even(samples: Samples, image: int, index: np.ndarray, quota: int, generator
     return np.sort(index[np.argsort(rank, kind="stable")[:quota]])
 
 
-def half_angles(points: Points) -> np.ndarray:
-    """Class of the smallest half angle among the lights that reach each point [n]."""
-    if not points.wi.shape[-2]:
-        return np.full(points.wo.shape[0], CLASSES - 1)
-    angles = torch.rad2deg(lit_directions(points).theta_half[..., 0])
-    reached = gathered_light(points).amax(-1) > 0
-    degrees = torch.where(reached, angles, 90.0).amin(-1)
-    return torch.bucketize(degrees, _HALF_ANGLES.to(degrees)).cpu().numpy()
+def half_angles(samples: Samples, image: int, index: np.ndarray) -> np.ndarray:
+    """Class of the smallest half angle among the lights that each pixel faces [n]."""
+    scene, chosen = samples.capture.scene, torch.from_numpy(index)
+    surface, shadows = scene.surface, scene.shadows[image] if scene.shadows else None
+    normals = surface.normals_as(torch.float32)[chosen].detach()
+    view = surface.toward_viewer(chosen).detach().float()
+    positions = None if surface.positions is None else surface.positions[chosen].detach().float()
+    nearest = torch.zeros(len(normals))
+    for number, light in enumerate(scene.lights[image]):
+        toward, _ = light.to(torch.float32, "cpu").at(positions)
+        faces = dot(normals, toward) > 0
+        if shadows is not None:
+            faces &= torch.from_numpy(~shadows[number][index])
+        nearest = torch.maximum(nearest, dot(normals, torch.nn.functional.normalize(toward + view, dim=-1)) * faces)
+    return torch.bucketize(-nearest, -torch.cos(torch.deg2rad(_HALF_ANGLES))).numpy()

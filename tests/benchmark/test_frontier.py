@@ -6,7 +6,7 @@ import pytest
 import torch
 from rich.console import Console
 
-from matest.benchmark import SUITES, curves, frontier, renderers
+from matest.benchmark import SUITES, curves, frontier
 from matest.benchmark.record import Record
 from matest.benchmark.subjects import GLOSSY, sphere_of
 
@@ -31,10 +31,9 @@ def records() -> list[Record]:
         patch.setattr(frontier, "BATCH", 2000)
         patch.setattr(frontier, "CASES", {CASE: frontier.CASES[CASE]})
         found = list(SUITES["frontier"].run(True, lambda *_: None))
-        patch.setattr(renderers, "race", lambda *_: None)
         glossy = sphere_of(GLOSSY, SIZE)
         yardstick = curves.Yardstick(glossy.truth, glossy.bound(), glossy.truth)
-        for name, curve in frontier.of_renderers(glossy, yardstick, 1.0).items():
+        for name, curve in frontier.of_renderers(None, yardstick).items():
             found += frontier.figures(CASE, name, curve, curve)
     return found
 

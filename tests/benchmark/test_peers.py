@@ -63,7 +63,7 @@ def test_hand_written_jacobian_is_that_of_differences(expression: str) -> None:
 def test_every_peer_reaches_the_optimum_from_the_middle_of_the_domain(expression: str) -> None:
     task = task_of(expression)
     prepare = peers.HAND_WRITTEN[expression]
-    optimum = peers.best(sphere_of(expression, SIZE), prepare)
+    optimum = sphere_of(expression, SIZE).optimum(prepare)
     assert distance(task.start.parameters, optimum) > 0.1
     for trace in (
         solvers.lbfgs(task),
@@ -89,13 +89,13 @@ def test_every_figure_is_there_and_matest_is_at_the_optimum(monkeypatch: pytest.
     assert len(by_metric) == len(found)
     for case in MODELS:
         assert by_metric[case, "distance"].value < 0.01
-        limits = {"adam": 50, "adam, mini-batches": 50, "l-bfgs": 15, "least_squares": 15, "levenberg-marquardt": 2}
-        for peer, limit in limits.items():
+        for peer in ("adam", "adam, mini-batches", "l-bfgs", "least_squares", "levenberg-marquardt"):
             ratio, seconds = by_metric[case, f"{peer} / matest"], by_metric[case, peer]
-            assert (ratio.limit, ratio.better) == (limit, "higher")
+            # A quick run is too small for limits.
+            assert (ratio.limit, ratio.better) == (None, "higher")
             if seconds.value is None:
-                assert ratio.value is None
-                assert "never within 1%" in ratio.note
+                assert ratio.value > 0
+                assert "at least: never within 1%" in ratio.note
             else:
                 assert ratio.value == pytest.approx(seconds.value / by_metric[case, "matest"].value)
     terminal = Console(width=80, record=True)

@@ -65,7 +65,7 @@ def test_tutorial_comes_closer(glossy: Subject) -> None:
 
 @needs_llvm
 def test_drjit_solver_reaches_the_optimum_from_the_middle_of_the_domain(glossy: Subject) -> None:
-    optimum = peers.best(glossy, hand_written.cook_torrance_smith)
+    optimum = glossy.optimum(hand_written.cook_torrance_smith)
     trace, prepared = drjit_solver.levenberg_marquardt(glossy.task)
     assert distance(trace.values[-1], optimum) < 1e-3
     assert 0 < prepared < trace.seconds[0]
@@ -78,7 +78,7 @@ def test_without_llvm_or_mitsuba_one_sentence_says_what_is_missing(
     race = renderers.race(glossy.task, glossy.photographs(), glossy.truth, 1.0)
     assert race is None
     found = peers.against_renderers(race, glossy.truth)
-    assert found["mitsuba"] == found["dr.jit"] == (None, renderers.MISSING)
+    assert found["mitsuba"] == found["dr.jit"] == (None, renderers.MISSING, 0.0)
     assert 'pip install "matest-brdf[peers]"' in renderers.MISSING
 
 
