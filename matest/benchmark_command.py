@@ -44,7 +44,8 @@ def benchmark(
     12 photographs of a megapixel against decoding them. peers: time to 1 % against other solvers. frontier: error of
     every solver over time. scaling: growth of the time with pixels, images and parameters. memory: peak of 12 and of
     120 photographs. start: fresh processes.
-    All together take half an hour: models, stress, efficiency and outliers then do as much as their share allows.
+    All together take half an hour: models, stress, efficiency and outliers then do as much as their share allows, and
+    peers race on smaller photographs.
     With --json one line a figure.
     """
     from matest.benchmark import suites

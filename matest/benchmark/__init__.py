@@ -46,7 +46,7 @@ SUITES = {
     "efficiency": Suite(efficiency.run, efficiency.efficiency_table, efficiency.within, 210),
     "outliers": Suite(outliers.run, outliers.outliers_table, outliers.within, 150),
     "estimate": Suite(estimate.run, estimate.estimate_table),
-    "peers": Suite(peers.run, peers.peers_table),
+    "peers": Suite(peers.run, peers.peers_table, peers.within, 300),
     "frontier": Suite(frontier.run, frontier.frontier_table),
     "scaling": Suite(scaling.run, scaling.scaling_table),
     "memory": Suite(memory.run, memory.memory_table),

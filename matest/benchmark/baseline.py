@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Literal, TypeVar
@@ -118,15 +118,18 @@ def records_of(path: Path) -> list[Record]:
     return [_decoded(line, Record, path, mend) for line in _bytes(path, mend).splitlines() if line.strip()]
 
 
-def only_argument(arguments: Sequence[str]) -> str:
-    """The one argument of a command line.
-
-    Raises:
-        InputError: there are none, or several.
-    """
-    if len(arguments) != 1:
-        raise InputError(f"expected one file, the output of 'matest benchmark --json'; got {len(arguments)} arguments.")
-    return arguments[0]
+def with_file(command: Callable[[str], None]) -> None:
+    """Run a command on the one file that the command line names; exit code 2 and a sentence where that goes wrong."""
+    arguments = sys.argv[1:]
+    try:
+        if len(arguments) != 1:
+            raise InputError(
+                f"expected one file, the output of 'matest benchmark --json'; got {len(arguments)} arguments."
+            )
+        command(arguments[0])
+    except InputError as error:
+        print(f"matest: {error}", file=sys.stderr)
+        sys.exit(2)
 
 
 def is_quick(records: Sequence[Record]) -> bool:
@@ -216,8 +219,4 @@ def _decoded(data: bytes, kind: type[Content], path: Path, mend: str) -> Content
 
 
 if __name__ == "__main__":
-    try:
-        main(only_argument(sys.argv[1:]))
-    except InputError as error:
-        print(f"matest: {error}", file=sys.stderr)
-        sys.exit(2)
+    with_file(main)

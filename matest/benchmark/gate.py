@@ -15,7 +15,7 @@ from rich.console import Console, Group, RenderableType
 from rich.text import Text
 
 from matest.benchmark import SUITES, limits
-from matest.benchmark.baseline import Figure, is_quick, only_argument, read, records_of
+from matest.benchmark.baseline import Figure, is_quick, read, records_of, with_file
 from matest.benchmark.record import Record
 from matest.benchmark.tables import case_name, ruled
 from matest.errors import InputError
@@ -104,8 +104,4 @@ def main(file: str) -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main(only_argument(sys.argv[1:]))
-    except InputError as error:
-        print(f"matest: {error}", file=sys.stderr)
-        sys.exit(2)
+    with_file(main)

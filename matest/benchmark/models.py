@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
-import shutil
 from collections.abc import Iterator
 from time import perf_counter
 
@@ -14,7 +12,7 @@ from torch import Tensor
 from matest.benchmark import table4
 from matest.benchmark.passes import element_wise, heavy, product, seconds
 from matest.benchmark.record import Progress, Record
-from matest.benchmark.timing import TILE, forward, forward_and_backward, random_directions
+from matest.benchmark.timing import TILE, forward, forward_and_backward, no_compiler, random_directions
 from matest.brdf import MODELS, Brdf, model, variants
 
 PAIRS, PAIRS_QUICK = 1_000_000, 100_000
@@ -91,10 +89,7 @@ def _passes(expression: str, brdf: Brdf, wi: Tensor, wo: Tensor, one_pass: float
 
 
 def _compiled(expression: str, brdf: Brdf, wi: Tensor, wo: Tensor) -> Iterator[Record]:
-    compiler = os.environ.get("CXX", "g++")
-    if shutil.which(compiler) is None:
-        note = f"no C++ compiler here: {compiler}."
-    else:
+    if not (note := no_compiler()):
         torch.compiler.reset()
         evaluate = torch.compile(brdf.__call__)
         n = len(wi)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from rich.console import Group
@@ -18,19 +19,17 @@ from matest.benchmark.solvers import PEERS, raced
 from matest.benchmark.subjects import GLOSSY, IMAGES, Subject, sphere_of
 from matest.benchmark.tables import by_case, case_name, figure, notes, ruled
 from matest.benchmark.task import CLOSE, Task, Trace, Values, distance
+from matest.benchmark.timing import no_compiler
 
-SIZE, SIZE_QUICK = 256, 64
 ROUNDS = 3
-# Adam's learning rates that are tried, the best of most runs first; what the search costs is not counted.
-RATES, RATES_QUICK = (0.3, 0.1, 0.03, 0.01), (0.3,)
 BATCH = 16_384
-# A run of Adam ends after so many seconds.
-PATIENCE, PATIENCE_QUICK = 60.0, 1.5
-# Least times faster than each, in a full run; None: for information.
+# Least times faster than each; None: for information.
 LIMITS = {
     "adam": 50.0,
+    "adam, compiled": 50.0,
     "adam, mini-batches": 50.0,
     "l-bfgs": 15.0,
+    "l-bfgs, compiled": 15.0,
     "least_squares": 15.0,
     "levenberg-marquardt": 2.0,
     "mitsuba": 500.0,
@@ -44,29 +43,69 @@ HAND_WRITTEN = {
     "cook-torrance": hand_written.cook_torrance,
     GLOSSY: hand_written.cook_torrance_smith,
 }
-QUICK = ("oren-nayar", GLOSSY)
+# Adam's learning rates, the best of most runs first.
+_RATES = (0.1, 0.3, 0.03, 0.01)
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much is measured.
+
+    Attributes:
+        size: of the images.
+        models: that are raced.
+        rates: learning rates of Adam that are tried; what the search costs is not counted.
+        patience: seconds after which a run of Adam ends.
+        of_mitsuba: seconds after which a run of Mitsuba ends.
+        compiles: whether torch also compiles what Adam and L-BFGS evaluate.
+        judged: whether limits hold.
+    """
+
+    size: int
+    models: tuple[str, ...] = tuple(HAND_WRITTEN)
+    rates: tuple[float, ...] = _RATES
+    patience: float = 60.0
+    of_mitsuba: float = renderers.PATIENCE
+    compiles: bool = True
+    judged: bool = True
+
+
+# Photographs of a megapixel, as those that estimates are timed on; smaller ones in the run of all suites.
+FULL = Effort(1024, of_mitsuba=300.0)
+SHARED = Effort(256)
+QUICK = Effort(64, ("oren-nayar", GLOSSY), _RATES[:1], 1.5, renderers.PATIENCE_QUICK, compiles=False, judged=False)
 
 
 class Found(NamedTuple):
-    """Seconds until the optimum, None if a solver never gets there; and how long it had gone on then."""
+    """Seconds until the optimum, None if a solver never gets there; how long it had gone on then; Adam's best rate."""
 
     seconds: float | None
     note: str
     spent: float = 0.0
+    rate: float | None = None
 
 
 def run(quick: bool, progress: Progress, against: Collection[str] = PEERS) -> Iterator[Record]:
     """Records of the models that have a hand-written peer."""
-    for expression in QUICK if quick else HAND_WRITTEN:
-        yield from measure(sphere_of(expression, SIZE_QUICK if quick else SIZE), quick, progress, against)
+    yield from race(QUICK if quick else FULL, progress, against)
 
 
-def measure(subject: Subject, quick: bool, progress: Progress, against: Collection[str] = PEERS) -> Iterator[Record]:
+def within(seconds: float, progress: Progress) -> Iterator[Record]:
+    """The same on smaller photographs; no run of Adam takes more than a fifth of so many seconds."""
+    yield from race(replace(SHARED, patience=min(SHARED.patience, seconds / 5)), progress, PEERS)
+
+
+def race(effort: Effort, progress: Progress, against: Collection[str]) -> Iterator[Record]:
+    """Records of every model."""
+    for expression in effort.models:
+        yield from measure(sphere_of(expression, effort.size), effort, progress, against)
+
+
+def measure(subject: Subject, effort: Effort, progress: Progress, against: Collection[str]) -> Iterator[Record]:
     """Times of matest and of every peer, all after a first run that is not counted."""
     expression, task = subject.expression, subject.task
     prepare = HAND_WRITTEN[expression]
     optimum = subject.optimum(prepare)
-    patience, rates = (PATIENCE_QUICK, RATES_QUICK) if quick else (PATIENCE, RATES)
     yield Record("peers", expression, "samples", len(task.radiance), "1", "higher")
     progress(f"{expression}: matest")
     seconds, off = _matest(subject, optimum)
@@ -74,33 +113,37 @@ def measure(subject: Subject, quick: bool, progress: Progress, against: Collecti
     note = "largest relative distance of a parameter from the optimum"
     yield Record("peers", expression, "distance", off, "1", limit=CLOSE, note=note)
     runs: dict[str, Callable[[], Found]] = {
-        "adam": lambda: _adam(task, optimum, None, rates, patience),
-        "adam, mini-batches": lambda: _adam(task, optimum, BATCH, rates, patience),
+        "adam": lambda: _adam(task, optimum, None, effort),
+        "adam, mini-batches": lambda: _adam(task, optimum, BATCH, effort),
         "l-bfgs": lambda: _shortest(lambda: solvers.lbfgs(task), optimum),
         "least_squares": lambda: _shortest(lambda: solvers.least_squares(task), optimum),
         "levenberg-marquardt": lambda: _shortest(lambda: hand_written.levenberg_marquardt(task, prepare), optimum),
     }
+    if effort.compiles:
+        runs["adam, compiled"] = lambda: _adam_compiled(task, optimum, results["adam"].rate, effort)
+        runs["l-bfgs, compiled"] = lambda: _compiled(lambda: solvers.lbfgs(task, compiled=True), optimum)
+    results: dict[str, Found] = {}
     for peer, once in runs.items():
-        if not raced(peer, against):
-            continue
-        progress(f"{expression}: {peer}")
-        yield from _compared(expression, peer, seconds, once(), quick)
+        if raced(peer, against):
+            progress(f"{expression}: {peer}")
+            results[peer] = once()
+            yield from _compared(expression, peer, seconds, results[peer], effort)
     if expression == GLOSSY and raced("mitsuba, dr.jit", against):
         progress(f"{expression}: mitsuba, dr.jit")
-        limit = renderers.PATIENCE_QUICK if quick else renderers.PATIENCE
-        race = renderers.race_of_sphere(SIZE_QUICK if quick else SIZE, limit)
-        for peer, found in against_renderers(race, optimum).items():
-            yield from _compared(expression, peer, seconds, found, quick)
+        renderings = renderers.race_of_sphere(effort.size, effort.of_mitsuba)
+        for peer, found in against_renderers(renderings, optimum).items():
+            yield from _compared(expression, peer, seconds, found, effort)
 
 
-def _compared(expression: str, peer: str, seconds: float, found: Found, quick: bool) -> Iterator[Record]:
+def _compared(expression: str, peer: str, seconds: float, found: Found, effort: Effort) -> Iterator[Record]:
     yield Record("peers", expression, peer, found.seconds, "s", note=found.note)
     ratio, note = None, found.note
     if found.seconds is not None:
         ratio = found.seconds / seconds
     elif found.spent:
         ratio, note = found.spent / seconds, f"at least: {note}"
-    yield Record("peers", expression, f"{peer} / matest", ratio, "1", "higher", None if quick else LIMITS[peer], note)
+    limit = LIMITS[peer] if effort.judged else None
+    yield Record("peers", expression, f"{peer} / matest", ratio, "1", "higher", limit, note)
 
 
 def against_renderers(race: Race | None, optimum: Values) -> dict[str, Found]:
@@ -164,19 +207,38 @@ def _shortest(once: Callable[[], Trace], optimum: Values) -> Found:
     return _never(traces[0], optimum)
 
 
-def _adam(task: Task, optimum: Values, batch: int | None, rates: Sequence[float], patience: float) -> Found:
+def _adam(task: Task, optimum: Values, batch: int | None, effort: Effort) -> Found:
     """The shortest time over learning rates; None if none gets there."""
-    solvers.adam(task, rates[0], batch, lambda _: True)
-    shortest, note = math.inf, f"never within {CLOSE:.0%} in {patience:g} s at any learning rate"
-    for rate in rates:
+    patience = effort.patience
+    solvers.adam(task, effort.rates[0], batch, lambda _: True)
+    best, shortest, note = None, math.inf, f"never within {CLOSE:.0%} in {patience:g} s at any learning rate"
+    for rate in effort.rates:
         # No use in going on for much longer than the best so far has taken.
         limit = min(patience, 2 * shortest)
         trace = solvers.adam(task, rate, batch, _settled_or(optimum, limit))
         arrived = trace.arrival(optimum) if trace.settled(optimum, solvers.SETTLED) else None
         if arrived is not None and arrived < shortest:
             size = "all samples" if batch is None else f"{batch:,} samples"
-            shortest, note = arrived, f"learning rate {rate:g}, {size} a step"
-    return Found(shortest, note) if math.isfinite(shortest) else Found(None, note, patience)
+            best, shortest, note = rate, arrived, f"learning rate {rate:g}, {size} a step"
+    return Found(None, note, patience) if best is None else Found(shortest, note, rate=best)
+
+
+def _adam_compiled(task: Task, optimum: Values, best: float | None, effort: Effort) -> Found:
+    rate, done = best or effort.rates[0], _settled_or(optimum, effort.patience)
+    return _compiled(lambda: solvers.adam(task, rate, None, done, compiled=True), optimum)
+
+
+def _compiled(once: Callable[[], Trace], optimum: Values) -> Found:
+    """The time to the optimum of a run whose code is compiled before it starts."""
+    note = no_compiler()
+    if note:
+        return Found(None, note)
+    start = time.perf_counter()
+    trace = once()
+    arrived = trace.arrival(optimum)
+    if arrived is None:
+        return _never(trace, optimum)
+    return Found(arrived, f"after {time.perf_counter() - start - trace.seconds[-1]:.3g} s of compiling")
 
 
 def _settled_or(optimum: Values, limit: float) -> Callable[[Trace], bool]:
@@ -200,8 +262,8 @@ def peers_table(found: list[Record]) -> Group:
         f"{count:,} samples of {IMAGES} photographs of a sphere: time until every parameter stays within {CLOSE:.0%} "
         "of the optimum of the likelihood. Peers get the samples with their geometry and true noise, and start in the "
         f"middle of the domain; matest starts from the photographs in memory, with --precision {CLOSE / 3:.2g}. Adam: "
-        "the best learning rate. Levenberg-Marquardt: written by hand for the one model, with its Jacobian; dr.jit: "
-        "the same as one fused kernel. mitsuba: its tutorials' render and Adam. Compiling: with what the first run "
-        "compiles; prepared: without what is computed once."
+        "the best learning rate; compiled: by torch, before the clock starts. Levenberg-Marquardt: written by hand for "
+        "the one model, with its Jacobian; dr.jit: the same as one fused kernel. mitsuba: its tutorials' render and "
+        "Adam. Compiling: with what the first run compiles; prepared: without what is computed once."
     )
     return Group(Text(about), "", table, *notes(found))

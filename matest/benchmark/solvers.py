@@ -20,7 +20,7 @@ STILL = 1e-3
 _LBFGS_ITERATIONS = 200
 
 
-def adam(task: Task, rate: float, batch: int | None, done: Callable[[Trace], bool]) -> Trace:
+def adam(task: Task, rate: float, batch: int | None, done: Callable[[Trace], bool], *, compiled: bool = False) -> Trace:
     """Adam on all samples at every step, or on mini-batches of `batch` in random order.
 
     Args:
@@ -28,15 +28,17 @@ def adam(task: Task, rate: float, batch: int | None, done: Callable[[Trace], boo
         rate: learning rate.
         batch: samples a step; None: all.
         done: whether to stop, asked after every step.
+        compiled: whether torch compiles the cost of all samples, before the clock starts.
     """
-    trace = Trace()
     module = _module(task)
+    cost = _cost(task, module, compiled)
+    trace = Trace()
     optimiser = torch.optim.Adam(module.parameters(), lr=rate)
     generator = torch.Generator().manual_seed(0)
     while True:
         order = None if batch is None else torch.randperm(len(task.radiance), generator=generator)
         for part in [task] if order is None or batch is None else (task[index] for index in order.split(batch)):
-            loss = part.cost(module())
+            loss = cost() if part is task else part.cost(module())
             optimiser.zero_grad()
             loss.backward()
             optimiser.step()
@@ -45,17 +47,18 @@ def adam(task: Task, rate: float, batch: int | None, done: Callable[[Trace], boo
                 return trace
 
 
-def lbfgs(task: Task) -> Trace:
-    """L-BFGS with strong-Wolfe line search; at any time it hands over what had the lowest cost."""
-    trace = Trace()
+def lbfgs(task: Task, *, compiled: bool = False) -> Trace:
+    """L-BFGS with strong-Wolfe line search; at any time it hands over what had the lowest cost. Compiled as `adam`."""
     module = _module(task)
+    cost = _cost(task, module, compiled)
+    trace = Trace()
     optimiser = torch.optim.LBFGS(module.parameters(), max_iter=_LBFGS_ITERATIONS, line_search_fn="strong_wolfe")
     lowest = torch.inf
 
     def closure() -> Tensor:
         nonlocal lowest
         optimiser.zero_grad()
-        loss = task.cost(module())
+        loss = cost()
         loss.backward()
         if loss.item() < lowest:
             lowest = loss.item()
@@ -103,6 +106,19 @@ def least_squares(task: Task) -> Trace:
     found = solve(function, start.double().numpy(), jac=jacobian, bounds=ends, method="trf", x_scale="jac")
     trace.add(unpack(cast(found.x)))
     return trace
+
+
+def _cost(task: Task, module: Trainable, compiled: bool) -> Callable[[], Tensor]:
+    """The cost of all samples as a function of the module's parameters."""
+
+    def cost() -> Tensor:
+        return task.cost(module())
+
+    if compiled:
+        torch.compiler.reset()
+        cost = torch.compile(cost)
+        cost().backward()
+    return cost
 
 
 def _module(task: Task) -> Trainable:

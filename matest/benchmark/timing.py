@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 from collections.abc import Callable
 
 import torch
@@ -38,3 +40,9 @@ def random_directions(n: int) -> tuple[Tensor, Tensor]:
     vectors[..., 2].abs_()
     wi, wo = torch.nn.functional.normalize(vectors, dim=-1)
     return wi, wo
+
+
+def no_compiler() -> str:
+    """Why torch cannot compile here; empty where it can."""
+    compiler = os.environ.get("CXX", "g++")
+    return "" if shutil.which(compiler) else f"no C++ compiler here: {compiler}."

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -126,6 +126,7 @@ class Batch:
         scatter: mean square of what the radiance of those pixels deviates from what stands for them [n, C].
         merged: the squares of pixels that the first samples stand for; None: every sample is a pixel.
         settled: the least-squares problem where it is known already; None: as `working` finds it.
+        kept: what depends on the points alone, by name, kept by who has computed it; None where samples come and go.
     """
 
     points: Points
@@ -140,6 +141,7 @@ class Batch:
     scatter: Tensor | None = None
     merged: Merged | None = None
     settled: Working | None = None
+    kept: dict[str, Any] | None = None
 
     def __len__(self) -> int:
         return len(self.radiance)

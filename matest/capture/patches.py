@@ -92,17 +92,17 @@ class Patches:
         quilts, loose = layout.quilts[:, own], layout.loose[_stretch(len(layout.loose), part, parts)]
         patches = layout.patches
         if parts > 1:
-            single = patches[:, sewn:][:, _stretch(patches.shape[1] - sewn, part, parts)]
-            patches = np.concatenate([patches[:, NINE * own.start : NINE * own.stop], single], axis=1)
+            others = patches[:, sewn:][:, _stretch(patches.shape[1] - sewn, part, parts)]
+            patches = np.concatenate([patches[:, NINE * own.start : NINE * own.stop], others], axis=1)
         usable = self.samples.usable(position)
         values, scatter, clean = self._projected(image, patches)
         clean &= np.all(usable[patches], axis=0)
         whole = np.all(clean[: NINE * quilts.shape[1]].reshape(-1, NINE), axis=1)
-        others = clean.copy()
-        others[: NINE * quilts.shape[1]][np.repeat(whole, NINE)] = False
+        alone = clean.copy()
+        alone[: NINE * quilts.shape[1]][np.repeat(whole, NINE)] = False
         single = np.concatenate([patches[:, ~clean].ravel(), loose])
         tile = _Tile(position, patches, quilts, values, scatter)
-        return self._batch(tile, np.flatnonzero(whole), np.flatnonzero(others), single[usable[single]])
+        return self._batch(tile, np.flatnonzero(whole), np.flatnonzero(alone), single[usable[single]])
 
     def _projected(self, image: int, patches: np.ndarray) -> tuple[Tensor, Tensor, np.ndarray]:
         """Values and scatter of patches [49, m] as in `_Tile`, and which to merge [m]."""

@@ -11,13 +11,11 @@ import torch
 from torch import Tensor
 
 from matest.capture import Batch, Samples
-from matest.capture.batch import TRUSTED
 from matest.capture.patches import Patches
 from matest.capture.samples import join
+from matest.estimators.expansion import CLOSE, settled, single_step
 from matest.estimators.guess import ALIKE, distance, doubtful, first_guesses, implausibility, most_plausible, thinned
-from matest.estimators.levenberg_marquardt import Solution, at_bound, bounded_step, minimise
-from matest.estimators.linearise import Linearisation, accumulate
-from matest.estimators.moments import Statistics
+from matest.estimators.levenberg_marquardt import Solution, at_bound, minimise
 from matest.estimators.pilot import pilot
 from matest.estimators.problem import Problem
 from matest.estimators.separable import passes_over, separates
@@ -33,17 +31,10 @@ _SPOILT, _SECOND_THOUGHTS, _ELSEWHERE = 0.001, 3, 10.0
 # Where a precision is asked for, subsamples grow, with some to spare and not by more than a factor, until they give it,
 # or a walk over all samples costs no more.
 _FIRST, _SPARE, _LEAP, _SUBSAMPLE = 6_000, 1.2, 100.0, 0.04
-# No more of the values than this can be outliers.
-_MOST_OUTLIERS = 0.1
-# Median of |N(0, 1)|.
-_MEDIAN_DEVIATION = 0.6745
 _GAUGE_ROUNDS = 6
 # Images worked on at once; captures with fewer samples are worked on in two tiles.
 _GROUP, _SMALL = 4, 1 << 18
 _PILOT_PASSES, _FULL_PASSES = 60, 20
-# A fit ends where the next step would be shorter than so many standard errors. One step over all samples is enough if
-# χ² per value is below this.
-_CLOSE, _HOLDS = 0.03, 1.05
 
 Progress = Callable[[str], None]
 
@@ -58,11 +49,11 @@ def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = N
     """
     # Few large tiles: every call costs as much as a thousand samples.
     half = (len(batches) + 1) // 2
-    tiles = [join(group) for group in (batches[:half], batches[half:]) if group]
+    tiles = [replace(join(group), kept={}) for group in (batches[:half], batches[half:]) if group]
 
     def descend(problem: Problem, start: Tensor, reference: Tensor) -> Solution:
-        misfit, settled = _settled(problem, tiles, reference)
-        evaluate = passes_over(problem, in_memory(settled), start, None, misfit)
+        misfit, expanded = settled(problem, tiles, reference)
+        evaluate = passes_over(problem, in_memory(expanded), start, None, misfit)
         found = minimise(problem, start, evaluate, passes=_PILOT_PASSES, tolerance=0.01)
         return replace(found, misfit=misfit)
 
@@ -89,29 +80,6 @@ def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = N
         wider = replace(best.problem, gauge_limit=limit)
         best = descend(wider, torch.minimum(best.unknowns, wider.upper), best.unknowns)
     return replace(best, tiles=in_memory(tiles))
-
-
-def _settled(problem: Problem, batches: list[Batch], unknowns: Tensor) -> tuple[float, list[Batch]]:
-    """The misfit at u [P], and the batches with the likelihood expanded there.
-
-    The misfit is the median residual in standard deviations of the noise, as a multiple of a Gaussian's; at least 1,
-    and large enough for no more than a tenth of the values to be outliers: a model that misses more does not fit.
-    """
-    linearisation = Linearisation(problem, unknowns, derivatives=False)
-    with torch.no_grad():
-        radiances = [linearisation.radiance(batch) for batch in batches]
-        settled = [batch.working(radiance) for batch, radiance in zip(batches, radiances, strict=True)]
-        deviations = [
-            ((batch.radiance - radiance).abs() / batch.variance(radiance).sqrt())[working.plain]
-            for batch, radiance, working in zip(batches, radiances, settled, strict=True)
-        ]
-        found, misfit = torch.cat(deviations).double(), 1.0
-        if len(found):
-            most = float(found.kthvalue(max(int((1 - _MOST_OUTLIERS) * len(found)), 1)).values)
-            misfit = max(float(found.median()) / _MEDIAN_DEVIATION, most / TRUSTED, 1.0)
-        if misfit > 1:
-            settled = [batch.working(radiance, misfit) for batch, radiance in zip(batches, radiances, strict=True)]
-    return misfit, [replace(batch, settled=working) for batch, working in zip(batches, settled, strict=True)]
 
 
 def fit(
@@ -151,42 +119,12 @@ def fit(
         tiles = AllTiles(samples, merge=True, misfit=misfit)
         evaluate = passes_over(found.problem, tiles, reference, reference, misfit)
         first = evaluate(reference)
-        one_step = None if separates(found.problem) else _single_step(found, first)
+        one_step = None if separates(found.problem) else single_step(found, first)
         found = one_step or minimise(
-            found.problem, reference, evaluate, passes=_FULL_PASSES, tolerance=_CLOSE, first=first
+            found.problem, reference, evaluate, passes=_FULL_PASSES, tolerance=CLOSE, first=first
         )
         found = replace(found, misfit=misfit, tiles=tiles)
     return replace(found, unknowns=found.problem.wrapped(found.unknowns))
-
-
-def _single_step(start: Solution, statistics: Statistics) -> Solution | None:
-    """The Gauss-Newton step over all samples, where a second one would be negligible; None where that is not known.
-
-    A model that holds bends the step in two ways: by its own curvature, which the pilot's samples show without their
-    noise (how far does one step miss the target if the target's own radiance is photographed?), and by that of its
-    residuals, which noise alone makes smaller by the root of the number of samples.
-
-    Args:
-        start: the pilot's optimum and samples.
-        statistics: of all samples there.
-    """
-    problem, unknowns = start.problem, start.unknowns
-    change = bounded_step(problem, unknowns, statistics.information, statistics.gradient)
-    arrived = statistics.moved(change)
-    if arrived.reduced_chi2 > _HOLDS:
-        return None
-    target = Linearisation(problem, unknowns + change, derivatives=False)
-    _, batches = _settled(problem, [tile() for group in start.tiles for tile in group], unknowns)
-    with torch.no_grad():
-        imagined = [
-            replace(batch, settled=batch.settled._replace(response=target.radiance(batch)))
-            for batch in batches
-            if batch.settled is not None
-        ]
-    again = accumulate(problem, unknowns, in_memory(imagined), None)
-    missed = bounded_step(problem, unknowns, again.information, again.gradient) - change
-    length = math.sqrt(float(missed @ statistics.information @ missed) / arrived.misfit)
-    return Solution(problem, unknowns + change, arrived, 1, length, True) if length < _CLOSE else None
 
 
 def largest_relative_std(found: Solution) -> float:

@@ -6,18 +6,20 @@ touches. Their Gram matrix and moments, once added up, give χ² and its derivat
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from matest.brdf import Term
+from matest.brdf import Brdf, Term
 from matest.capture import Batch
 from matest.directions import Directions
 from matest.estimators.images import Images, illuminate
 from matest.estimators.levenberg_marquardt import Evaluate
-from matest.estimators.linearise import accumulate, collect, derivative, product
+from matest.estimators.linearise import Linearisation, accumulate, collect, derivative, product
 from matest.estimators.moments import Compressed, Statistics
 from matest.estimators.problem import Problem
 from matest.estimators.walk import Tiles
@@ -151,6 +153,22 @@ def passes_over(problem: Problem, tiles: Tiles, origin: Tensor, reference: Tenso
     return partial(accumulate, problem, tiles=tiles, reference=reference, misfit=misfit)
 
 
+def radiances(problem: Problem, unknowns: Tensor) -> Callable[[Batch], Tensor]:
+    """The model's radiance [n, C] of any batch at u [P]."""
+    if not separates(problem):
+        return Linearisation(problem, unknowns, derivatives=False).radiance
+    images = _Images(problem, at := coefficients(problem, unknowns).total)
+    return lambda batch: images.of(batch).radiance(at)
+
+
+class _Kept(NamedTuple):
+    """Shapes, and the model and its held values that they belong to."""
+
+    brdf: Brdf
+    held: Mapping[str, Tensor]
+    shapes: list[Tensor]
+
+
 class _Images:
     """Evaluates the images Φ of a problem; what does not depend on the tile is computed once."""
 
@@ -169,7 +187,17 @@ class _Images:
             nodes = sky_nodes(like.dtype, like.device)
             over_sky = tuple(Term((), shape) for shape in self._shapes(nodes.directions, like))
             self._sky = [term.shape for term in sky_terms(over_sky)]
-        return illuminate(points, self._shapes(lit_directions(points), like), self._sky, self.origin, like.shape[-1])
+        return illuminate(points, self._lit_shapes(batch), self._sky, self.origin, like.shape[-1])
+
+    def _lit_shapes(self, batch: Batch) -> list[Tensor]:
+        """All images of every light, kept for the next pass where the samples are."""
+        kept = (batch.kept or {}).get("shapes")
+        if kept is not None and kept.brdf is self._problem.brdf and kept.held is self._problem.held:
+            return kept.shapes
+        shapes = self._shapes(lit_directions(batch.points), batch.radiance)
+        if batch.kept is not None:
+            batch.kept["shapes"] = _Kept(self._problem.brdf, self._problem.held, shapes)
+        return shapes
 
     def _shapes(self, directions: Directions, like: Tensor) -> list[Tensor]:
         """All images [n, L, 1 or C]."""

@@ -12,6 +12,7 @@ from matest.benchmark import SUITES, hand_written, peers, renderers, solvers
 from matest.benchmark.photographs import MATERIALS
 from matest.benchmark.subjects import sphere_of
 from matest.benchmark.task import Task, Trace, distance
+from matest.benchmark.timing import no_compiler
 from matest.shader import shade
 
 SIZE = 24
@@ -76,11 +77,20 @@ def test_every_peer_reaches_the_optimum_from_the_middle_of_the_domain(expression
         assert trace.arrival(optimum) is not None
 
 
+@pytest.mark.skipif(bool(no_compiler()), reason=no_compiler())
+def test_compiled_solvers_do_the_same_as_eager_ones() -> None:
+    task = task_of("oren-nayar")
+    steps = [
+        solvers.adam(task, 0.1, None, lambda trace: len(trace.values) == 5, compiled=compiled).values[-1]
+        for compiled in (False, True)
+    ]
+    assert distance(*steps) < 1e-4
+    optimum = sphere_of("oren-nayar", SIZE).optimum(peers.HAND_WRITTEN["oren-nayar"])
+    assert distance(solvers.lbfgs(task, compiled=True).values[-1], optimum) < 0.01
+
+
 def test_every_figure_is_there_and_matest_is_at_the_optimum(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(peers, "SIZE_QUICK", SIZE)
-    monkeypatch.setattr(peers, "PATIENCE_QUICK", 0.3)
-    monkeypatch.setattr(peers, "RATES_QUICK", (0.1,))
-    monkeypatch.setattr(peers, "QUICK", MODELS)
+    monkeypatch.setattr(peers, "QUICK", peers.Effort(SIZE, MODELS, (0.1,), 0.3, compiles=False, judged=False))
     monkeypatch.setattr(peers, "BATCH", 2000)
     monkeypatch.setattr(peers, "ROUNDS", 1)
     monkeypatch.setattr(renderers, "race", lambda *_: None)
