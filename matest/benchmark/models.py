@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterator
 from time import perf_counter
 
@@ -94,7 +95,8 @@ def _compiled(expression: str, brdf: Brdf, wi: Tensor, wo: Tensor) -> Iterator[R
         evaluate = torch.compile(brdf.__call__)
         n = len(wi)
         try:
-            times = seconds(product(n, n), forward(evaluate, wi, wo, n), forward_and_backward(evaluate, wi, wo, n))
+            with warnings.catch_warnings(action="ignore"):
+                times = seconds(product(n, n), forward(evaluate, wi, wo, n), forward_and_backward(evaluate, wi, wo, n))
         except RuntimeError as error:
             note = f"torch.compile failed: {str(error).splitlines()[0]}"
         else:

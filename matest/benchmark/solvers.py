@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Collection
 
 import torch
@@ -117,7 +118,8 @@ def _cost(task: Task, module: Trainable, compiled: bool) -> Callable[[], Tensor]
     if compiled:
         torch.compiler.reset()
         cost = torch.compile(cost)
-        cost().backward()
+        with warnings.catch_warnings(action="ignore"):
+            cost().backward()
     return cost
 
 
