@@ -177,7 +177,10 @@ class Statistics:
         return math.sqrt(self.total("squared_residual") / signal) if signal > 0 else 0.0
 
     def moved(self, change: Tensor) -> Statistics:
-        """What a pass would give if the unknowns changed by this [P] and the model were linear in them."""
+        """What a pass would give if the unknowns changed by this [P] and the model were linear in them.
+
+        The squared residual stays as it is.
+        """
         pulled = self.informations @ change
         rises = pulled @ change - 2 * self.gradients @ change
         return replace(self, gradients=self.gradients - pulled, scores=_risen(self.scores, rises))

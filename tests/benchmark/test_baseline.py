@@ -98,9 +98,14 @@ def test_records_without_their_first_lines_are_refused(here: Path) -> None:
 
 
 @pytest.mark.parametrize("arguments", [[], ["a", "b"]])
-def test_one_file_is_asked_for(arguments: list[str]) -> None:
-    with pytest.raises(InputError, match="expected one file"):
-        baseline.only_argument(arguments)
+def test_one_file_is_asked_for(
+    arguments: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.argv", ["baseline", *arguments])
+    with pytest.raises(SystemExit) as stopped:
+        baseline.with_file(lambda file: pytest.fail(file))
+    assert stopped.value.code == 2
+    assert "matest: expected one file" in capsys.readouterr().err
 
 
 def test_the_baseline_of_the_repository_holds_what_is_selected_and_no_seconds() -> None:

@@ -48,9 +48,9 @@ def test_every_figure_has_its_interval_and_the_table_fits(suite: str) -> None:
         for metric in ("rms error", "coverage", f"{name}: rms error", f"{name}: mean error"):
             low, high = (by_metric[case, f"{metric}, {end}"].value for end in ("from", "to"))
             assert low <= by_metric[case, metric].value <= high
+    # Two captures say nothing of errors.
     limits = {record.metric: record.limit for record in found if record.limit is not None}
-    expected = {"rms error": 1.05, "coverage": 0.93, "coverage, not above": 0.97, "optimum missed": 0}
-    assert limits == (expected if suite == "efficiency" else {"rms error": 1.3, "coverage": 0.9})
+    assert limits == ({"optimum missed": 0} if suite == "efficiency" else {})
     terminal = Console(width=80, record=True)
     terminal.print(SUITES[suite].table(found))
     shown = terminal.export_text()

@@ -55,6 +55,14 @@ def test_a_wrong_estimator_misses_the_limit_that_is_there_for_it(wrong: dict[str
     assert missed(trials(**wrong)) == metrics
 
 
+def test_few_captures_are_held_to_no_limit_of_errors() -> None:
+    limits = {name: record.limit for name, record in measured(trials()).items() if record.limit is not None}
+    assert limits == {"rms error": 1.05, "coverage": 0.93, "coverage, not above": 0.97, "optimum missed": 0}
+    few = measured(trials(10, bias=5.0))
+    assert {name for name, record in few.items() if record.limit is not None} == {"optimum missed"}
+    assert few["rms error"].value > 1.05
+
+
 def test_bias_shows_in_the_mean_error_of_the_parameter() -> None:
     found = measured(trials(bias=0.5))
     assert found["sigma: mean error, from"].value < 0.5 < found["sigma: mean error, to"].value
