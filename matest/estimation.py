@@ -60,7 +60,8 @@ def estimate(
         free: parameters to estimate although they are held by default (`f0`).
         tie: dependent parameter -> the one whose value it takes.
         holdout: images to leave out of the fit; the error there is reported.
-        precision: stop reading pixels once every parameter's relative standard error is below this; None: read all.
+        precision: stop reading pixels once every parameter's relative standard error is below this, 0 to 1, where the
+            model describes the images; None: read all.
         seed: of the subsample that the search starts from.
         device: where tiles are evaluated ("cpu", "cuda").
         progress: called with a word on what is being done.
@@ -69,10 +70,8 @@ def estimate(
         InputError: unknown names, impossible constraints, no usable pixel.
     """
     clock = time.perf_counter()
-    if precision is not None and not precision > 0:
-        raise InputError(
-            f"precision is a relative standard error, such as 0.001, and must be positive; got {precision}."
-        )
+    if precision is not None and not 0 < precision < 1:
+        raise InputError(f"precision is a relative standard error, such as 0.001, between 0 and 1; got {precision}.")
     constraints = Constraints(fix or {}, tuple(free), tie or {})
     images = _fitted_images(capture, holdout)
     samples = capture.samples(images, device=device)

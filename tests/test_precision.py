@@ -31,8 +31,8 @@ def test_a_precision_out_of_reach_reads_everything() -> None:
     assert found.fit.samples_used == found.fit.samples
 
 
-@pytest.mark.parametrize("precision", [0.0, -1.0, np.nan])
-def test_a_precision_must_be_positive(precision: float) -> None:
+@pytest.mark.parametrize("precision", [0.0, -1.0, 1.0, np.nan])
+def test_a_precision_lies_between_0_and_1(precision: float) -> None:
     capture = Studio(size=20).photograph(Lambert(0.5), seed=2)
     with pytest.raises(matest.InputError, match="precision is a relative standard error"):
         matest.estimate(capture, "lambert", precision=precision)
@@ -46,6 +46,14 @@ def test_a_precision_that_all_pixels_do_not_give_is_told() -> None:
     assert warning.startswith("All pixels together do not give the precision of 1e-05 that was asked for: albedo (")
     assert "sigma (" in warning
     assert matest.estimate(capture, "oren-nayar").warnings == []
+
+
+def test_a_model_that_misses_reads_everything_and_finds_the_same() -> None:
+    capture = STUDIO.photograph(OrenNayar(0.7, 0.5), seed=4)
+    plain, precise = (matest.estimate(capture, "lambert", precision=precision) for precision in (None, 0.01))
+    assert plain.fit.errors != "fisher"
+    assert precise.fit.samples_used == precise.fit.samples
+    assert precise.parameters == plain.parameters
 
 
 def test_samples_that_were_not_read_are_accounted_for() -> None:

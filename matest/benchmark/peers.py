@@ -247,23 +247,24 @@ def _settled_or(optimum: Values, limit: float) -> Callable[[Trace], bool]:
 
 def peers_table(found: list[Record]) -> Group:
     """Seconds of everyone, and how many times as long each peer takes as matest."""
-    table = ruled("", "seconds", "times\nmatest's", "at\nleast")
+    table = ruled("", "seconds", "times\nmatest's", "limit")
     for case, metrics in by_case(found).items():
         table.add_row(case_name(case))
         table.add_row("  matest", figure(metrics["matest"]))
-        for peer, limit in LIMITS.items():
-            if peer in metrics:
-                ratio = figure(metrics[f"{peer} / matest"])
-                if metrics[peer].value is None and ratio.plain:
-                    ratio = Text("> ").append_text(ratio)
-                table.add_row(f"  {peer}", figure(metrics[peer]), ratio, "" if limit is None else f"{limit:g}")
+        for peer in (peer for peer in LIMITS if peer in metrics):
+            compared = metrics[f"{peer} / matest"]
+            ratio, limit = figure(compared), compared.limit
+            if metrics[peer].value is None and ratio.plain:
+                ratio = Text("> ").append_text(ratio)
+            table.add_row(f"  {peer}", figure(metrics[peer]), ratio, "" if limit is None else f"> {limit:g}")
     count = max(int(record.value or 0) for record in found if record.metric == "samples")
     about = (
         f"{count:,} samples of {IMAGES} photographs of a sphere: time until every parameter stays within {CLOSE:.0%} "
         "of the optimum of the likelihood. Peers get the samples with their geometry and true noise, and start in the "
         f"middle of the domain; matest starts from the photographs in memory, with --precision {CLOSE / 3:.2g}. Adam: "
-        "the best learning rate; compiled: by torch, before the clock starts. Levenberg-Marquardt: written by hand for "
-        "the one model, with its Jacobian; dr.jit: the same as one fused kernel. mitsuba: its tutorials' render and "
-        "Adam. Compiling: with what the first run compiles; prepared: without what is computed once."
+        "torch's with the best learning rate; l-bfgs: torch's; least_squares: scipy's; compiled: by torch, before the "
+        "clock starts. Levenberg-Marquardt: written by hand for the one model, with its Jacobian; dr.jit: the same as "
+        "one fused kernel. mitsuba: its tutorials' render and Adam. Compiling: with what the first run compiles; "
+        "prepared: without what is computed once."
     )
     return Group(Text(about), "", table, *notes(found))

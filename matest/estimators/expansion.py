@@ -75,5 +75,5 @@ def single_step(start: Solution, statistics: Statistics) -> Solution | None:
         ]
     again = accumulate(problem, unknowns, in_memory(imagined), None)
     missed = bounded_step(problem, unknowns, again.information, again.gradient) - change
-    length = math.sqrt(float(missed @ statistics.information @ missed) / arrived.misfit)
+    length = math.sqrt(max(float(missed @ statistics.information @ missed), 0.0) / arrived.misfit)
     return Solution(problem, unknowns + change, arrived, 1, length, True) if length < CLOSE else None

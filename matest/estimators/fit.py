@@ -31,6 +31,8 @@ _SPOILT, _SECOND_THOUGHTS, _ELSEWHERE = 0.001, 3, 10.0
 # Where a precision is asked for, subsamples grow, with some to spare and not by more than a factor, until they give it,
 # or a walk over all samples costs no more.
 _FIRST, _SPARE, _LEAP, _SUBSAMPLE = 6_000, 1.2, 100.0, 0.04
+# χ² per value of a subsample that the model describes, its noise perhaps estimated from the photographs.
+_DESCRIBED = 1.1
 _GAUGE_ROUNDS = 6
 # Images worked on at once; captures with fewer samples are worked on in two tiles.
 _GROUP, _SMALL = 4, 1 << 18
@@ -102,18 +104,23 @@ def fit(
         seed: of the pilot's random draw.
         progress: called with a word on what is being done.
         start: u [P] near the optimum; None: searched for globally.
-        precision: a subsample is enough once it gives every parameter a relative standard error below this.
+        precision: a subsample is enough once it gives every parameter a relative standard error below this, if the
+            model describes it: otherwise errors do not fall with the number of samples.
     """
     progress("searching")
-    count = _FIRST if precision > 0 else _PILOT
-    found = fit_batches(problem, pilot(samples, count, seed), start)
-    while (error := largest_relative_std(found)) > precision > 0:
+    drawn = _FIRST if precision > 0 else _PILOT
+    found = fit_batches(problem, pilot(samples, drawn, seed), start)
+    while (enough := _described(found)) and (error := largest_relative_std(found)) > precision > 0:
         # Errors fall with the root of the number of samples.
-        count = math.ceil(min(_SPARE * (error / precision) ** 2, _LEAP) * count)
-        if count > _SUBSAMPLE * len(samples):
+        wanted = math.ceil(min(_SPARE * (error / precision) ** 2, _LEAP) * drawn)
+        if wanted > _SUBSAMPLE * len(samples):
             break
-        found = fit_batches(found.problem, pilot(samples, count, seed), found.unknowns)
-    if error > precision:
+        drawn = wanted
+        found = fit_batches(found.problem, pilot(samples, drawn, seed), found.unknowns)
+    if not enough or error > precision:
+        if drawn < _PILOT:
+            # As without a precision: where the model does not hold, what is an outlier hangs on the pilot.
+            found = fit_batches(problem, pilot(samples, _PILOT, seed), start)
         progress("refining over all samples")
         reference, misfit = found.unknowns, found.misfit
         tiles = AllTiles(samples, merge=True, misfit=misfit)
@@ -125,6 +132,12 @@ def fit(
         )
         found = replace(found, misfit=misfit, tiles=tiles)
     return replace(found, unknowns=found.problem.wrapped(found.unknowns))
+
+
+def _described(found: Solution) -> bool:
+    """Whether the model describes a subsample to its noise."""
+    by_chance = math.sqrt(2 / max(found.statistics.total("values"), 1))
+    return found.statistics.reduced_chi2 < _DESCRIBED + 5 * by_chance
 
 
 def largest_relative_std(found: Solution) -> float:
