@@ -214,8 +214,10 @@ class Batch:
             side, mean, spread = self.clipped[at].to(reference), reference[at], misfit * std.expand_as(reference)[at]
             end = torch.where(side > 0, upper.expand_as(reference)[at], lower.expand_as(reference)[at])
             z = side * (mean - end) / spread
-            hazard = torch.exp(-0.5 * z.square() - torch.special.log_ndtr(z) - _LOG_ROOT_TWO_PI)
             trust = _trust(-z)
+            # Beyond what is trusted at all hazard and z would cancel to nothing.
+            z = z.clamp(min=-REJECTED)
+            hazard = torch.exp(-0.5 * z.square() - torch.special.log_ndtr(z) - _LOG_ROOT_TWO_PI)
             response[at] = mean + side * spread / (hazard + z)
             weight[at] = trust * hazard * (hazard + z) / (spread / misfit).square()
             # A clipped value says nothing of how well the model fits, unless it is an outlier.

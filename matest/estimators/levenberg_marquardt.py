@@ -94,8 +94,9 @@ def bounded_step(
     for _ in range(4 * problem.size):
         index = (~held).nonzero()[:, 0]
         direction = torch.zeros_like(unknowns)
-        solved = torch.linalg.lstsq(scaled[index][:, index], slope[index][:, None]).solution[:, 0]
-        direction[index] = solved * scale[index]
+        if len(index):
+            solved = torch.linalg.lstsq(scaled[index][:, index], slope[index][:, None]).solution[:, 0]
+            direction[index] = solved * scale[index]
         # As far as the first bound on the way, which that unknown then keeps.
         room = torch.where(direction > 0, problem.upper - position, problem.lower - position)
         share = torch.where(direction != 0, room / direction, math.inf).clamp(min=0)

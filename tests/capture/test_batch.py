@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 import torch
 from torch import Tensor
@@ -42,6 +44,17 @@ def test_a_clipped_value_has_the_score_and_curvature_of_its_likelihood(side: int
     assert (weight[rejected] == 0).all()
     # Only an outlier says how well the model fits.
     assert torch.equal(plain[:, 0], rejected)
+
+
+@pytest.mark.parametrize(("side", "reference"), [(1, -1e4), (-1, 1e6), (1, 1e6), (-1, -1e4)])
+def test_a_clipped_value_however_far_from_the_reference_is_a_finite_problem(side: int, reference: float) -> None:
+    about = torch.tensor([[reference]])
+    limits = Limits(torch.zeros(1, 1), torch.ones(1, 1))
+    values = batch(torch.full((1, 1), 0.5 + 0.5 * side), torch.full((1, 1), side, dtype=torch.int8))
+    values = replace(values, readout=Readout(torch.full((1, 1), 1e-6), torch.zeros(1, 1)), limits=limits)
+    response, weight, *_ = values.working(about)
+    assert bool(torch.isfinite(response).all())
+    assert float(weight * (response - about)) == 0
 
 
 def test_outliers_have_no_weight_and_ordinary_noise_all_of_it() -> None:

@@ -279,3 +279,10 @@ def test_an_albedo_above_one_ends_at_its_bound() -> None:
     assert float(solution.unknowns[0]) == 1.0
     assert solution.unknowns[1:].tolist() == pytest.approx([0.78, 0.65], abs=0.002)
     assert at_bound(chosen, solution.unknowns, solution.statistics.gradient).tolist() == [True, False, False]
+
+
+def test_where_every_unknown_is_held_there_is_no_step() -> None:
+    gradient = torch.ones(BOUNDED.size, dtype=torch.float64)
+    matrix = torch.eye(BOUNDED.size, dtype=torch.float64)
+    assert not bool(bounded_step(BOUNDED, BOUNDED.upper, matrix, gradient).any())
+    assert not bool(bounded_step(BOUNDED, BOUNDED.lower, 0 * matrix, gradient).any())
