@@ -41,10 +41,10 @@ class Suite(NamedTuple):
 
 
 SUITES = {
-    "models": Suite(models.run, tables.models_table, models.within, 240),
+    "models": Suite(models.run, tables.models_table, models.within, 200),
     "stress": Suite(stress.run, tables.stress_table, stress.within, 150),
-    "efficiency": Suite(efficiency.run, efficiency.efficiency_table, efficiency.within, 210),
-    "outliers": Suite(outliers.run, outliers.outliers_table, outliers.within, 150),
+    "efficiency": Suite(efficiency.run, efficiency.efficiency_table, efficiency.within, 180),
+    "outliers": Suite(outliers.run, outliers.outliers_table, outliers.within, 120),
     "estimate": Suite(estimate.run, estimate.estimate_table),
     "peers": Suite(peers.run, peers.peers_table, peers.within, 300),
     "frontier": Suite(frontier.run, frontier.frontier_table),
