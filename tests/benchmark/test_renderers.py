@@ -78,7 +78,7 @@ def test_without_llvm_or_mitsuba_one_sentence_says_what_is_missing(
     race = renderers.race(glossy.task, glossy.photographs(), glossy.truth, 1.0)
     assert race is None
     found = peers.against_renderers(race, glossy.truth)
-    assert found["mitsuba"] == found["dr.jit"] == (None, renderers.MISSING, 0.0)
+    assert found["mitsuba"] == found["dr.jit"] == peers.Found(None, renderers.MISSING)
     assert 'pip install "matest-brdf[peers]"' in renderers.MISSING
 
 
