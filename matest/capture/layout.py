@@ -119,7 +119,7 @@ def lay_out(scene: Scene, blocks: np.ndarray) -> Layout:
 def nothing_laid_out(pixels: int) -> Layout:
     """Every pixel of a surface loose."""
     none = np.empty((0, 0), dtype=np.int64)
-    return Layout(none.reshape(PIXELS, 0), none.reshape(13, 0), np.arange(pixels))
+    return Layout(none.reshape(PIXELS, 0), none.reshape(QUILT.size, 0), np.arange(pixels))
 
 
 def by_rows(values: Tensor) -> Tensor:

@@ -141,9 +141,9 @@ class Patches:
         image, blocks = samples.images[position], samples.blocks
         patches = patches[np.argsort(blocks[tile.patches[PIXELS // 2, patches]], kind="stable")]
         single = single[np.argsort(blocks[single], kind="stable")]
-        like, clipped = samples.radiance(image, single), samples.clipped(image, single)
         if not len(quilts) and not len(patches):
             return replace(samples.at(image, single), runs=tuple(_runs(position, blocks[single], 1)))
+        like, clipped = samples.radiance(image, single), samples.clipped(image, single)
         pixels, radiance, scatter, copies, runs, tiers = [], [], [], [], [], []
         for tier, own, values, spread in (
             (QUILT, tile.quilts[:, quilts], *_sewn(tile, quilts)),

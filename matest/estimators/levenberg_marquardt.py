@@ -134,7 +134,7 @@ def minimise(
             residuals found, which a misfit makes larger than the noise alone would).
         first: the statistics at the start, if a pass has given them already.
     """
-    unknowns, statistics = start, first or evaluate(start)
+    unknowns, statistics = start, evaluate(start) if first is None else first
     damping, growth, share = 1e-6, 2.0, 1.0
     step = _step(problem, unknowns, statistics, damping)
     for iteration in range(1, passes):
