@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable, Collection
+from contextlib import suppress
 
 import torch
 from torch import Tensor
@@ -19,6 +21,10 @@ SETTLED = 30
 # Or where it moves by less than this share of its parameters, for who wants to know its error at the end.
 STILL = 1e-3
 _LBFGS_ITERATIONS = 200
+
+
+class _OutOfTime(Exception):
+    """Ends a solver that cannot be asked to stop."""
 
 
 def adam(task: Task, rate: float, batch: int | None, done: Callable[[Trace], bool], *, compiled: bool = False) -> Trace:
@@ -48,8 +54,14 @@ def adam(task: Task, rate: float, batch: int | None, done: Callable[[Trace], boo
                 return trace
 
 
-def lbfgs(task: Task, *, compiled: bool = False) -> Trace:
-    """L-BFGS with strong-Wolfe line search; at any time it hands over what had the lowest cost. Compiled as `adam`."""
+def lbfgs(task: Task, *, compiled: bool = False, patience: float = math.inf) -> Trace:
+    """L-BFGS with strong-Wolfe line search; at any time it hands over what had the lowest cost.
+
+    Args:
+        task: what is fitted.
+        compiled: as of `adam`.
+        patience: seconds after which it ends.
+    """
     module = _module(task)
     cost = _cost(task, module, compiled)
     trace = Trace()
@@ -58,6 +70,7 @@ def lbfgs(task: Task, *, compiled: bool = False) -> Trace:
 
     def closure() -> Tensor:
         nonlocal lowest
+        _go_on(trace, patience)
         optimiser.zero_grad()
         loss = cost()
         loss.backward()
@@ -66,12 +79,18 @@ def lbfgs(task: Task, *, compiled: bool = False) -> Trace:
             trace.add(_values(module, task))
         return loss
 
-    optimiser.step(closure)
+    with suppress(_OutOfTime):
+        optimiser.step(closure)
     return trace
 
 
-def least_squares(task: Task) -> Trace:
-    """scipy's trust-region reflective solver with bounds and the Jacobian of torch's forward mode."""
+def least_squares(task: Task, *, patience: float = math.inf) -> Trace:
+    """scipy's trust-region reflective solver with bounds and the Jacobian of torch's forward mode.
+
+    Args:
+        task: what is fitted.
+        patience: seconds after which it ends.
+    """
     from scipy.optimize import least_squares as solve
 
     trace = Trace()
@@ -93,6 +112,7 @@ def least_squares(task: Task) -> Trace:
     def jacobian(x: object) -> object:
         # It is asked for where a step has been taken.
         trace.add(unpack(cast(x)))
+        _go_on(trace, patience)
         return torch.func.jacfwd(residual)(cast(x)).double().numpy()
 
     def function(x: object) -> object:
@@ -104,9 +124,21 @@ def least_squares(task: Task) -> Trace:
         [getattr(declared[name].domain, end) for name, n in zip(task.free, sizes, strict=True) for _ in range(n)]
         for end in ("lower", "upper")
     ]
-    found = solve(function, start.double().numpy(), jac=jacobian, bounds=ends, method="trf", x_scale="jac")
-    trace.add(unpack(cast(found.x)))
+    with suppress(_OutOfTime):
+        found = solve(function, start.double().numpy(), jac=jacobian, bounds=ends, method="trf", x_scale="jac")
+        trace.add(unpack(cast(found.x)))
     return trace
+
+
+def _go_on(trace: Trace, patience: float) -> None:
+    """Nothing while there is time; else what there is is what would be handed over.
+
+    Raises:
+        _OutOfTime: always then.
+    """
+    if trace.elapsed > patience and trace.values:
+        trace.add(trace.values[-1])
+        raise _OutOfTime
 
 
 def _cost(task: Task, module: Trainable, compiled: bool) -> Callable[[], Tensor]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import pytest
 import torch
@@ -75,6 +76,15 @@ def test_every_peer_reaches_the_optimum_from_the_middle_of_the_domain(expression
     ):
         assert distance(trace.values[-1], optimum) < 0.01
         assert trace.arrival(optimum) is not None
+
+
+@pytest.mark.parametrize("solve", [solvers.lbfgs, solvers.least_squares])
+def test_a_solver_that_is_out_of_time_hands_over_what_it_has(solve: Callable[..., Trace]) -> None:
+    task = task_of("oren-nayar")
+    whole, cut = solve(task), solve(task, patience=0.0)
+    assert len(cut.values) < len(whole.values)
+    assert distance(cut.values[-1], cut.values[-2]) == 0
+    assert cut.seconds[-1] >= cut.seconds[-2]
 
 
 @pytest.mark.skipif(bool(no_compiler()), reason=no_compiler())
