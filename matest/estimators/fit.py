@@ -25,6 +25,11 @@ from matest.uncertainty import fisher
 _PILOT = 24_000
 # Expansions of the likelihood about the last optimum, until they move it by less than so many standard errors.
 _EXPANSIONS, _SETTLED = 40, 0.05
+# One that comes this close to the end of another on its way is left.
+_SAME = 0.2
+# Steps that are taken without being looked at: so many standard errors, or this share of what the last expansion moved.
+# Were it all of it, such steps could go round in circles.
+_CLOSE, _FREE = 0.01, 0.5
 # With more outliers than this the search is repeated, at most so many times, with less weight for all that lies far
 # from the best solution so far. What it finds closer to that than so many standard errors is the same.
 _SPOILT, _SECOND_THOUGHTS, _ELSEWHERE = 0.001, 3, 10.0
@@ -53,25 +58,38 @@ def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = N
     half = (len(batches) + 1) // 2
     tiles = [replace(join(group), kept={}) for group in (batches[:half], batches[half:]) if group]
 
-    def descend(problem: Problem, start: Tensor, reference: Tensor) -> Solution:
+    def descend(problem: Problem, start: Tensor, reference: Tensor, tolerance: float) -> Solution:
         misfit, expanded = settled(problem, tiles, reference)
         evaluate = passes_over(problem, in_memory(expanded), start, None, misfit)
-        found = minimise(problem, start, evaluate, passes=_PILOT_PASSES, tolerance=0.01)
+        found = minimise(problem, start, evaluate, passes=_PILOT_PASSES, tolerance=tolerance)
         return replace(found, misfit=misfit)
 
-    def settle(found: Solution) -> Solution:
-        for _ in range(_EXPANSIONS):
-            before, found = found, descend(found.problem, found.unknowns, found.unknowns)
-            if distance(found, before) < _SETTLED:
-                break
-        return found
+    def settle(guesses: Sequence[Solution]) -> list[Solution]:
+        """The distinct optima that guesses lead to."""
+        optima: list[Solution] = []
 
-    best = most_plausible([settle(guess) for guess in first_guesses(problem, batches, start)])
+        def known(found: Solution) -> bool:
+            return any(distance(other, found) < _SAME for other in optima)
+
+        for found in guesses:
+            moved = 1.0
+            for _ in range(_EXPANSIONS):
+                # The next expansion moves the optimum again: no use in knowing this one much better than that.
+                tolerance = max(_FREE * moved, _CLOSE)
+                before, found = found, descend(found.problem, found.unknowns, found.unknowns, tolerance)
+                moved = distance(found, before)
+                if moved < _SETTLED or known(found):
+                    break
+            if not known(found):
+                optima.append(found)
+        return optima
+
+    best = most_plausible(settle(first_guesses(problem, batches, start)))
     for _ in range(_SECOND_THOUGHTS if start is None and best.statistics.outliers > _SPOILT else 0):
         # Outliers had bent the first guess: once they are known for what they are, the search may end elsewhere.
         before = best
         again = first_guesses(best.problem, [doubtful(best, thinned(batches))], None)
-        best = most_plausible([before, *(settle(guess) for guess in again if distance(before, guess) > _ELSEWHERE)])
+        best = most_plausible([before, *settle([guess for guess in again if distance(before, guess) > _ELSEWHERE])])
         if implausibility(best) > implausibility(before) - ALIKE * before.misfit**2:
             break
     for _ in range(_GAUGE_ROUNDS if problem.gauges else 0):
@@ -80,7 +98,7 @@ def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = N
         if abs(limit / best.problem.gauge_limit - 1) < 1e-6:
             break
         wider = replace(best.problem, gauge_limit=limit)
-        best = descend(wider, torch.minimum(best.unknowns, wider.upper), best.unknowns)
+        best = descend(wider, torch.minimum(best.unknowns, wider.upper), best.unknowns, _CLOSE)
     return replace(best, tiles=in_memory(tiles))
 
 
