@@ -39,8 +39,8 @@ _FIRST, _SPARE, _LEAP, _SUBSAMPLE = 6_000, 1.2, 100.0, 0.04
 # χ² per value of a subsample that the model describes, its noise perhaps estimated from the photographs.
 _DESCRIBED = 1.1
 _GAUGE_ROUNDS = 6
-# Images worked on at once; captures with fewer samples are worked on in two tiles.
-_GROUP, _SMALL = 4, 1 << 18
+# Images worked on at once; captures with fewer samples are worked on in two tiles, subsamples with fewer in one.
+_GROUP, _SMALL, _ONE_TILE = 4, 1 << 18, 10_000
 _PILOT_PASSES, _FULL_PASSES = 60, 20
 
 Progress = Callable[[str], None]
@@ -55,7 +55,7 @@ def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = N
         start: u [P] near the optimum; None: searched for globally, no initial guess is needed.
     """
     # Few large tiles: every call costs as much as a thousand samples.
-    half = (len(batches) + 1) // 2
+    half = len(batches) if sum(map(len, batches)) < _ONE_TILE else (len(batches) + 1) // 2
     tiles = [replace(join(group), kept={}) for group in (batches[:half], batches[half:]) if group]
 
     def descend(problem: Problem, start: Tensor, reference: Tensor, tolerance: float) -> Solution:
