@@ -15,7 +15,7 @@ from matest.estimators.linearise import accumulate
 from matest.estimators.moments import Statistics
 from matest.estimators.problem import Problem
 from matest.estimators.separable import radiances
-from matest.estimators.walk import in_memory
+from matest.estimators.walk import in_memory, single_threaded_torch
 
 # A fit ends where the next step would be shorter than so many standard errors. One step over all samples is enough if
 # χ² per value is below this.
@@ -49,6 +49,7 @@ def settled(problem: Problem, batches: list[Batch], unknowns: Tensor) -> tuple[f
     return misfit, [replace(batch, settled=working) for batch, working in zip(batches, problems, strict=True)]
 
 
+@single_threaded_torch()
 def single_step(start: Solution, statistics: Statistics) -> Solution | None:
     """The Gauss-Newton step over all samples, where a second one would be negligible; None where that is not known.
 

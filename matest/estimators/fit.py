@@ -19,7 +19,7 @@ from matest.estimators.levenberg_marquardt import Solution, at_bound, minimise
 from matest.estimators.pilot import pilot
 from matest.estimators.problem import Problem
 from matest.estimators.separable import passes_over, separates
-from matest.estimators.walk import in_memory
+from matest.estimators.walk import in_memory, single_threaded_torch
 from matest.uncertainty import fisher
 
 _PILOT = 24_000
@@ -46,6 +46,7 @@ _PILOT_PASSES, _FULL_PASSES = 60, 20
 Progress = Callable[[str], None]
 
 
+@single_threaded_torch()
 def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = None) -> Solution:
     """The optimum on a few thousand samples held in memory.
 

@@ -16,7 +16,7 @@ from matest.estimators.linearise import Linearisation, accumulate
 from matest.estimators.problem import Problem
 from matest.estimators.search import search
 from matest.estimators.separable import compress, separates, statistics
-from matest.estimators.walk import in_memory, single_threaded_torch
+from matest.estimators.walk import in_memory
 
 _SEARCH = 4_000
 # First guesses further apart than so many standard errors are followed each to its end.
@@ -43,8 +43,7 @@ def first_guesses(problem: Problem, batches: list[Batch], start: Tensor | None) 
         compressed = compress(problem, in_memory([settled]), None, None) if separates(problem) else None
         starts = [] if start is None else [start]
         if start is None:
-            with single_threaded_torch():
-                found = search(problem, [settled], compressed)
+            found = search(problem, [settled], compressed)
             problem, starts = found.problem, found.starts()
         for first in starts:
             evaluate = partial(accumulate, problem, tiles=in_memory([settled]), reference=None)

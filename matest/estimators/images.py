@@ -44,7 +44,8 @@ def illuminate(
 
     Args:
         points: geometry and light.
-        shapes: each [n, L, 1 or C], of every light.
+        shapes: each [n, L, 1 or C], of every light; or, without sky and coefficients, several sets [S, n, L, 1 or C],
+            whose images follow each other as those of S n samples.
         sky: each [33, 1 or C], integrated over an even sky; empty where there is no ambient light.
         coefficients: of the shapes [C, K]; light whose reflectance is below zero gives nothing. None: all counts.
         channels: C.
@@ -61,9 +62,8 @@ def illuminate(
         values = values + tables
     if values.shape[-1] > 1 or tint is None:
         values = values.expand(*values.shape[:-1], channels)
-    return Images(
-        values=values.permute(2, 0, 1).contiguous(), tint=values.new_ones(channels) if tint is None else tint
-    )  # fmt: skip
+    values = values.flatten(1, -2).permute(2, 0, 1).contiguous()
+    return Images(values, values.new_ones(channels) if tint is None else tint)
 
 
 def _positive(shapes: Tensor, coefficients: Tensor) -> Tensor:

@@ -11,15 +11,21 @@ import torch
 from torch import Tensor
 
 from matest.capture import Batch
+from matest.capture.batch import Working
+from matest.directions import Directions
+from matest.estimators.images import Images, illuminate
 from matest.estimators.linear import amplitudes
 from matest.estimators.linearise import Linearisation
 from matest.estimators.moments import Compressed, joined, moments
 from matest.estimators.problem import Problem
 from matest.estimators.separable import compress, mixture, separates
 from matest.estimators.walk import in_memory
+from matest.shader import lit_directions
 
 # Nodes per shape parameter, at most so many in all.
 _NODES, _ALL_NODES = 15, 400
+# Samples and lights, times nodes, that a model is evaluated at together.
+_AT_ONCE = 1 << 16
 # A logarithmic grid starts here, as a share of the upper end.
 _LOG_START = 0.01
 # Strengths of the ρ² term tried when the light scale is unknown: facet albedo of the brightest channel.
@@ -119,20 +125,44 @@ def _evaluated(problem: Problem, batches: list[Batch], points: list[Tensor], ref
     else:
         about = Linearisation(problem, reference, derivatives=False)
         views = [batch.working(about.radiance(batch)) for batch in batches]
-    factors: list[tuple[str, ...]] = []
-    grams, vectors = [], []
-    for unknowns in points:
-        at = Linearisation(problem, unknowns, derivatives=False)
-        factors = at.factors
-        parts = joined(
-            [
-                moments(at.images(batch, cut=False), view, view.response, batch)
-                for batch, view in zip(batches, views, strict=True)
-            ]
-        )
-        grams.append(parts.gram.sum(0))
-        vectors.append(parts.moment.sum(0))
-    return factors, torch.stack(grams), torch.stack(vectors)
+    parts = []
+    for batch, view in zip(batches, views, strict=True):
+        samples, lights = len(batch), batch.points.wi.shape[-2]
+        # The integral over the sky is of one node.
+        ahead = 1 if batch.points.ambient is not None else max(_AT_ONCE // max(samples * lights, 1), 1)
+        directions = lit_directions(batch.points)
+        for first in range(0, len(points), ahead):
+            nodes = points[first : first + ahead]
+            images = _images(problem, batch, directions, nodes)
+            repeated = _repeated(view, len(nodes))
+            runs = tuple((first + number, samples) for number in range(len(nodes)))
+            parts.append(moments(images, repeated, repeated.response, replace(batch, runs=runs)))
+    found = joined(parts)
+    return Linearisation(problem, points[0], derivatives=False).factors, found.gram, found.moment
+
+
+def _images(problem: Problem, batch: Batch, directions: Directions, points: list[Tensor]) -> Images:
+    """Images of a batch at several points u [P], one after another; several only without a sky."""
+    if batch.points.ambient is not None:
+        return Linearisation(problem, points[0], derivatives=False).images(batch, cut=False)
+    like = batch.radiance
+    every = [problem.values(unknowns) for unknowns in points]
+    values = {name: value.to(like.device, like.dtype) for name, value in every[0].items()}
+    for name in problem.shaping:
+        if problem.ties.get(name, name) in problem.shapes:
+            # One value, or one a channel.
+            values[name] = torch.stack([own[name].reshape(1, 1, -1) for own in every]).to(like.device, like.dtype)
+    shapes = [term.shape for term in problem.brdf.replace(values).terms(directions)]
+    lead = (len(points), len(batch), batch.points.wi.shape[-2])
+    shapes = [shape.expand(*lead, shape.shape[-1]) for shape in shapes]
+    return illuminate(batch.points, shapes, [], None, like.shape[-1])
+
+
+def _repeated(view: Working, times: int) -> Working:
+    """The same samples so many times."""
+    response, weight, plain = (part.repeat(times, 1) for part in view[:3])
+    copies, scatter = (None if part is None else part.repeat(times, 1) for part in view[3:])
+    return Working(response, weight, plain, copies, scatter)
 
 
 def _separated(problem: Problem, batches: list[Batch], points: list[Tensor], reference: Tensor | None) -> Normal:

@@ -13,7 +13,8 @@ from matest.brdf import Brdf, CookTorrance, OrenNayar, TorranceSparrow
 from matest.capture import Batch
 from matest.estimators import Problem, accumulate, pilot
 from matest.estimators.levenberg_marquardt import Solution, minimise
-from matest.estimators.search import Search, search
+from matest.estimators.linearise import Linearisation
+from matest.estimators.search import Search, normal_equations, search
 from tests.problems import problem
 from tests.simulated import Studio, coloured
 
@@ -131,3 +132,29 @@ def test_the_light_scale_leaves_room_for_a_facet_that_reflects_all_light(brightn
     # The limit takes the brightest albedo for that of a surface without second bounce, which is a little brighter.
     assert 1 / (1.1 * 0.9 * brightness) < limit <= 1.05 / (0.9 * brightness)
     assert all(inside(found.problem, start) for start in found.starts())
+
+
+@pytest.mark.parametrize(
+    "expression",
+    ["cook-torrance(fresnel=schlick)", "li-torrance", "lafortune", "oren-nayar-single-slope", "blinn-phong+ward"],
+)
+def test_nodes_that_are_evaluated_together_give_what_each_gives_alone(expression: str) -> None:
+    chosen = problem(expression, channels=3)
+    measured = [batch[::20] for batch in batches(CookTorrance(0.3))]
+    generator = torch.Generator().manual_seed(0)
+    points = [
+        torch.full((chosen.size,), 0.5).double() + 0.4 * torch.rand(chosen.size, generator=generator).double()
+        for _ in range(5)
+    ]
+    _, gram, moment = normal_equations(chosen, measured, points)
+    for number, unknowns in enumerate(points):
+        alone = Linearisation(chosen, unknowns, derivatives=False)
+        expected_gram, expected_moment = torch.zeros_like(gram[0]), torch.zeros_like(moment[0])
+        for batch in measured:
+            images, view = alone.images(batch, cut=False), batch.measured()
+            design = (images.values * images.tint[:, None, None]).double()
+            weighted = design * view.weight.T[:, None].double()
+            expected_gram += weighted @ design.mT
+            expected_moment += (weighted @ view.response.T[..., None].double())[..., 0]
+        torch.testing.assert_close(gram[number], expected_gram, rtol=1e-5, atol=1e-6 * float(expected_gram.max()))
+        torch.testing.assert_close(moment[number], expected_moment, rtol=1e-5, atol=1e-6 * float(expected_moment.max()))
