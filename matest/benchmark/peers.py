@@ -58,7 +58,7 @@ class Effort:
         size: of the images.
         models: that are raced.
         rates: learning rates of Adam that are tried; what the search costs is not counted.
-        patience: seconds after which a run of any peer ends.
+        patience: seconds after which a run of Adam, L-BFGS or scipy ends.
         of_mitsuba: seconds after which a run of Mitsuba ends.
         compiles: whether torch also compiles what Adam and L-BFGS evaluate.
         judged: whether limits hold.
@@ -94,7 +94,7 @@ def run(quick: bool, progress: Progress, against: Collection[str] = PEERS) -> It
 
 
 def within(seconds: float, progress: Progress) -> Iterator[Record]:
-    """The same on smaller photographs; no run of Adam takes more than a fifth of so many seconds."""
+    """The same on smaller photographs; no run of Adam, L-BFGS or scipy takes more than a fifth of that."""
     yield from race(replace(SHARED, patience=min(SHARED.patience, seconds / 5)), progress, PEERS)
 
 
@@ -157,9 +157,7 @@ def against_renderers(race: Race | None, optimum: Values) -> dict[str, Found]:
     if race is None:
         return {"mitsuba": Found(None, renderers.MISSING), "dr.jit": Found(None, renderers.MISSING)}
     tutorials = {
-        rate: arrived
-        for rate, trace in race.tutorial.items()
-        if trace.settled(optimum, solvers.SETTLED) and (arrived := trace.arrival(optimum)) is not None
+        rate: arrived for rate, trace in race.tutorial.items() if (arrived := trace.arrival(optimum)) is not None
     }
     found: dict[str, Found] = {}
     if tutorials:
@@ -224,7 +222,8 @@ def _adam(task: Task, optimum: Values, batch: int | None, rates: Sequence[float]
         # No use in going on for much longer than the best so far has taken.
         limit = min(patience, 2 * shortest)
         trace = solvers.adam(task, rate, batch, _settled_or(optimum, limit))
-        arrived = trace.arrival(optimum) if trace.settled(optimum, solvers.SETTLED) else None
+        # One that is there when its time is up counts, though it has not shown that it stays.
+        arrived = trace.arrival(optimum)
         if arrived is not None and arrived < shortest:
             size = "all samples" if batch is None else f"{batch:,} samples"
             best, shortest, note = rate, arrived, f"learning rate {rate:g}, {size} a step"

@@ -14,7 +14,16 @@ from matest.capture import Batch, Samples
 from matest.capture.patches import Patches
 from matest.capture.samples import join
 from matest.estimators.expansion import CLOSE, settled, single_step
-from matest.estimators.guess import ALIKE, distance, doubtful, first_guesses, implausibility, most_plausible, thinned
+from matest.estimators.guess import (
+    ALIKE,
+    at_ends,
+    distance,
+    doubtful,
+    first_guesses,
+    implausibility,
+    most_plausible,
+    thinned,
+)
 from matest.estimators.levenberg_marquardt import Solution, at_bound, minimise
 from matest.estimators.pilot import pilot
 from matest.estimators.problem import Problem
@@ -27,8 +36,8 @@ _PILOT = 24_000
 _EXPANSIONS, _SETTLED = 40, 0.05
 # One that comes this close to the end of another on its way is left.
 _SAME = 0.2
-# Steps that are taken without being looked at: so many standard errors, or this share of what the last expansion moved.
-# Were it all of it, such steps could go round in circles.
+# Steps that are taken without being looked at: so many standard errors, or this share of what the last expansion moved,
+# up to one standard error. Were it all of it, such steps could go round in circles.
 _CLOSE, _FREE = 0.01, 0.5
 # With more outliers than this the search is repeated, at most so many times, with less weight for all that lies far
 # from the best solution so far. What it finds closer to that than so many standard errors is the same.
@@ -56,7 +65,8 @@ def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = N
         start: u [P] near the optimum; None: searched for globally, no initial guess is needed.
     """
     # Few large tiles: every call costs as much as a thousand samples.
-    half = len(batches) if sum(map(len, batches)) < _ONE_TILE else (len(batches) + 1) // 2
+    size = sum(len(batch) * batch.points.wi.shape[-2] for batch in batches)
+    half = len(batches) if size < _ONE_TILE else (len(batches) + 1) // 2
     tiles = [replace(join(group), kept={}) for group in (batches[:half], batches[half:]) if group]
 
     def descend(problem: Problem, start: Tensor, reference: Tensor, tolerance: float) -> Solution:
@@ -70,13 +80,16 @@ def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = N
         optima: list[Solution] = []
 
         def known(found: Solution) -> bool:
-            return any(distance(other, found) < _SAME for other in optima)
+            return any(
+                max(distance(other, found), distance(found, other)) < _SAME and at_ends(other) <= at_ends(found)
+                for other in optima
+            )
 
         for found in guesses:
             moved = 1.0
             for _ in range(_EXPANSIONS):
                 # The next expansion moves the optimum again: no use in knowing this one much better than that.
-                tolerance = max(_FREE * moved, _CLOSE)
+                tolerance = min(max(_FREE * moved, _CLOSE), 1.0)
                 before, found = found, descend(found.problem, found.unknowns, found.unknowns, tolerance)
                 moved = distance(found, before)
                 if moved < _SETTLED or known(found):

@@ -102,8 +102,10 @@ def most_plausible(found: list[Solution]) -> Solution:
     """The best of several solutions; of those that the data cannot tell apart the one with the fewest at a bound."""
     least = min(found, key=implausibility)
     rivals = [one for one in found if implausibility(one) - implausibility(least) < ALIKE * least.misfit**2]
+    return min(rivals, key=at_ends)
 
-    def bounds(one: Solution) -> int:
-        return int(((one.unknowns <= one.problem.lower) | (one.unknowns >= one.problem.upper)).sum())
 
-    return min(rivals, key=bounds)
+def at_ends(found: Solution) -> int:
+    """How many unknowns lie at an end of their domain."""
+    problem, unknowns = found.problem, found.unknowns
+    return int(((unknowns <= problem.lower) | (unknowns >= problem.upper)).sum())

@@ -17,6 +17,8 @@ from matest.estimators.walk import Tiles
 # as converged if the step it comes from is no longer than so many standard errors.
 _ROUNDING = 1e-9
 _SHORT = 0.1
+# After a step that led nowhere the next may be short because it is damped: it has to be shorter than so many to end.
+_DAMPED = 0.01
 
 Evaluate = Callable[[Tensor], Statistics]
 
@@ -138,7 +140,7 @@ def minimise(
     damping, growth, share = 1e-6, 2.0, 1.0
     step = _step(problem, unknowns, statistics, damping)
     for iteration in range(1, passes):
-        if step.length < tolerance:
+        if step.length < (tolerance if growth == 2.0 else min(tolerance, _DAMPED)):
             # The step itself is free: where it leads, the next one would be shorter by its square.
             return Solution(problem, unknowns + share * step.change, statistics, iteration, step.length, True)
         chi2 = statistics.total("cost")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -41,19 +42,41 @@ def _itself(batch: Batch) -> Batch:
     return batch
 
 
+class _Threads(threading.local):
+    """How often a thread has entered `single_threaded_torch` without leaving it."""
+
+    depth = 0
+
+
+_entered, _lock = _Threads(), threading.Lock()
+# Threads inside, and the number of torch's threads before the first of them came.
+_inside, _before = 0, 1
+
+
 @contextmanager
 def single_threaded_torch() -> Iterator[None]:
     """Let every torch call inside run on the calling thread.
 
     Tiles are too small to be worth splitting: threads that torch starts for one wait for each other more than they
-    compute, and stall altogether beside another busy process.
+    compute, and stall altogether beside another busy process. Estimates that run side by side leave torch as the first
+    has found it.
     """
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
+    global _inside, _before
+    _entered.depth += 1
+    if _entered.depth == 1:
+        with _lock:
+            if not _inside:
+                _before = torch.get_num_threads()
+            _inside += 1
+            torch.set_num_threads(1)
     try:
         yield
     finally:
-        torch.set_num_threads(before)
+        _entered.depth -= 1
+        if not _entered.depth:
+            with _lock:
+                _inside -= 1
+                torch.set_num_threads(_before)
 
 
 def processors() -> int:

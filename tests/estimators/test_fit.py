@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import threading
 from collections.abc import Callable
 
 import numpy as np
@@ -10,9 +12,15 @@ import torch
 from scipy.optimize import least_squares
 from torch import Tensor
 
+from matest.benchmark.outliers import SPOILT
+from matest.benchmark.simulated import draw
 from matest.brdf import CookTorrance, Lambert, OrenNayar, OrenNayarQualitative, TorranceSparrow
 from matest.capture import Batch, Samples
 from matest.estimators import Problem, at_bound, fit, fit_batches, pilot
+from matest.estimators.guess import distance
+from matest.estimators.levenberg_marquardt import minimise
+from matest.estimators.moments import Statistics, scores
+from matest.estimators.walk import single_threaded_torch
 from matest.shader import shade
 from tests.problems import problem
 from tests.simulated import Studio, coloured
@@ -160,3 +168,63 @@ def test_a_problem_without_unknowns_is_only_measured() -> None:
     solution = fit(problem("lambert", fix={"albedo": 0.6}), samples, seed=0)
     assert solution.unknowns.shape == (0,)
     assert solution.statistics.misfit == pytest.approx(1, abs=0.1)
+
+
+@pytest.mark.parametrize("expression", ["oren-nayar", "cook-torrance"])
+@pytest.mark.parametrize("seed", [3, 4])
+def test_steps_that_are_not_looked_at_end_where_small_ones_do(
+    expression: str, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Outliers and saturated pixels: many expansions, each far from the last.
+    drawn = draw(expression, seed)
+    samples = drawn.photograph(SPOILT).samples()
+    chosen = problem(expression, channels=samples.capture.channels)
+    batches = pilot(samples, 24_000, seed=0)
+    found = fit_batches(chosen, batches)
+    monkeypatch.setattr(importlib.import_module("matest.estimators.fit"), "_FREE", 0.0)
+    slow = fit_batches(chosen, batches)
+    assert distance(slow, found) < 0.1
+
+
+def test_a_long_step_of_a_bent_curve_is_looked_at() -> None:
+    # r = 45 atan(10 (u - 0.3)): the first Gauss-Newton step overshoots to the bound.
+    chosen = problem("lambert", channels=1)
+    labels, visited = torch.tensor([0]), []
+
+    def evaluate(u: Tensor) -> Statistics:
+        visited.append(float(u))
+        bent, slope = 45 * torch.atan(10 * (u - 0.3)), 450 / (1 + (10 * (u - 0.3)) ** 2)
+        gradient, information = (-slope * bent)[None], (slope**2)[None, None]
+        return Statistics(labels, information.reshape(1, 1, 1), gradient.reshape(1, 1), scores(cost=float(bent**2)))
+
+    start = torch.tensor([0.5], dtype=torch.float64)
+    found = minimise(chosen, start, evaluate, passes=60, tolerance=1.0)
+    assert float(found.unknowns) == pytest.approx(0.3, abs=1e-3)
+    assert len(visited) > 2
+
+
+def test_estimates_side_by_side_leave_torch_its_threads() -> None:
+    before, inside, out = torch.get_num_threads(), threading.Event(), threading.Event()
+    torch.set_num_threads(2)
+
+    def other() -> None:
+        with single_threaded_torch():
+            inside.set()
+            out.wait(10)
+
+    thread = threading.Thread(target=other)
+    try:
+        with single_threaded_torch():
+            thread.start()
+            inside.wait(10)
+            with single_threaded_torch():
+                assert torch.get_num_threads() == 1
+            assert torch.get_num_threads() == 1
+        out.set()
+        thread.join()
+        assert torch.get_num_threads() == 2
+        with pytest.raises(KeyError), single_threaded_torch():
+            raise KeyError
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(before)

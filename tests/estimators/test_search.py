@@ -138,7 +138,12 @@ def test_the_light_scale_leaves_room_for_a_facet_that_reflects_all_light(brightn
     "expression",
     ["cook-torrance(fresnel=schlick)", "li-torrance", "lafortune", "oren-nayar-single-slope", "blinn-phong+ward"],
 )
-def test_nodes_that_are_evaluated_together_give_what_each_gives_alone(expression: str) -> None:
+@pytest.mark.parametrize("together", [1 << 16, 1000])
+def test_nodes_that_are_evaluated_together_give_what_each_gives_alone(
+    expression: str, together: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # A thousand: the last call has fewer nodes than the others.
+    monkeypatch.setattr("matest.estimators.search._AT_ONCE", together)
     chosen = problem(expression, channels=3)
     measured = [batch[::20] for batch in batches(CookTorrance(0.3))]
     generator = torch.Generator().manual_seed(0)
