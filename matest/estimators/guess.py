@@ -25,6 +25,8 @@ _DISTINCT = 1.0
 _HUBER = 2.0
 # χ² of solutions along a valley of the likelihood differs by less than this.
 ALIKE = 0.1
+# Share of its domain: Fresnel's reflectance is the same for all f0 nearer to 1.
+_END = 1e-4
 _PASSES = 60
 
 
@@ -106,6 +108,8 @@ def most_plausible(found: list[Solution]) -> Solution:
 
 
 def at_ends(found: Solution) -> int:
-    """How many unknowns lie at an end of their domain."""
+    """How many unknowns lie at an end of their domain, or so near that a model may no longer depend on them."""
     problem, unknowns = found.problem, found.unknowns
-    return int(((unknowns <= problem.lower) | (unknowns >= problem.upper)).sum())
+    width = problem.upper - problem.lower
+    margin = _END * torch.where(torch.isfinite(width), width, 0.0)
+    return int(((unknowns <= problem.lower + margin) | (unknowns >= problem.upper - margin)).sum())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from matest.benchmark.simulated import draw
 from matest.brdf import CookTorrance, Lambert, OrenNayar, OrenNayarQualitative, TorranceSparrow
 from matest.capture import Batch, Samples
 from matest.estimators import Problem, at_bound, fit, fit_batches, pilot
-from matest.estimators.guess import distance
+from matest.estimators.guess import distance, most_plausible
 from matest.estimators.levenberg_marquardt import minimise
 from matest.estimators.moments import Statistics, scores
 from matest.estimators.walk import single_threaded_torch
@@ -228,3 +229,14 @@ def test_estimates_side_by_side_leave_torch_its_threads() -> None:
         assert torch.get_num_threads() == 2
     finally:
         torch.set_num_threads(before)
+
+
+def test_of_optima_that_the_data_cannot_tell_apart_one_inside_the_domain_is_taken() -> None:
+    chosen = problem("cook-torrance", channels=1, fix={"f0": 0.04})
+    samples = Studio(size=16).photograph(CookTorrance([0.3], [0.5], 0.2)).samples()
+    inside = fit_batches(chosen, pilot(samples, 24_000, seed=0))
+    edge = inside.unknowns.clone()
+    edge[chosen.where["slope"]] = float(chosen.domain("slope").upper) - 1e-5
+    alike = replace(inside, unknowns=edge)
+    assert most_plausible([alike, inside]) is inside
+    assert most_plausible([inside, alike]) is inside
