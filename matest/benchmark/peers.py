@@ -118,16 +118,17 @@ def measure(subject: Subject, effort: Effort, progress: Progress, against: Colle
     runs: dict[str, Callable[[float], Found]] = {
         "adam": lambda patience: _adam(task, optimum, None, effort.rates, patience),
         "adam, mini-batches": lambda patience: _adam(task, optimum, BATCH, effort.rates, patience),
-        "l-bfgs": lambda patience: _shortest(lambda: solvers.lbfgs(task, patience=patience), optimum),
-        "least_squares": lambda patience: _shortest(lambda: solvers.least_squares(task, patience=patience), optimum),
-        "levenberg-marquardt": lambda _: _shortest(lambda: hand_written.levenberg_marquardt(task, prepare), optimum),
+        "l-bfgs": lambda patience: _shortest(partial(solvers.lbfgs, task, patience=patience), optimum),
+        "least_squares": lambda patience: _shortest(partial(solvers.least_squares, task, patience=patience), optimum),
+        "levenberg-marquardt": lambda _: _shortest(partial(hand_written.levenberg_marquardt, task, prepare), optimum),
     }
     if effort.compiles:
-        again = partial(solvers.lbfgs, task, compiled=True)
         runs["adam, compiled"] = lambda patience: _adam_compiled(
             task, optimum, results["adam"].rate or effort.rates[0], patience
         )
-        runs["l-bfgs, compiled"] = lambda patience: _compiled(lambda: again(patience=patience), optimum)
+        runs["l-bfgs, compiled"] = lambda patience: _compiled(
+            partial(solvers.lbfgs, task, compiled=True, patience=patience), optimum
+        )
     results: dict[str, Found] = {}
     for peer, once in runs.items():
         if raced(peer, against):
