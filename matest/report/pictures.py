@@ -11,6 +11,7 @@ from matest.brdf import Brdf
 from matest.capture import Capture
 from matest.capture.images import write_image
 from matest.capture.photometry import srgb
+from matest.estimators.walk import walk
 from matest.profiles import cross_section, middle_row
 from matest.shader import render_image
 
@@ -32,9 +33,10 @@ def write_pictures(capture: Capture, material: Brdf, folder: Path, *, radiance: 
     """
     (folder / "images").mkdir(parents=True, exist_ok=True)
     surface, samples = capture.scene.surface, capture.samples()
-    columns: dict[str, np.ndarray] = {}
     line = _object_row(surface.mask)
-    for number in range(len(capture)):
+
+    def draw(number: int) -> list[tuple[str, np.ndarray]]:
+        """Write the pictures of an image; its columns of the profile."""
         render = render_image(capture.scene, number, material).detach().numpy()
         if radiance:
             write_image(folder / f"{number:02d}.exr", render)
@@ -49,8 +51,10 @@ def write_pictures(capture: Capture, material: Brdf, folder: Path, *, radiance: 
         used.flat[surface.pixels[samples.indices(number)]] = True
         difference = (photo - render).mean(axis=2) / scale
         write_image(folder / "images" / f"{number:02d}_residual.png", _diverging(difference, used))
-        columns[f"photo_{number:02d}"] = cross_section(photo, line)
-        columns[f"render_{number:02d}"] = cross_section(render, line)
+        own = [(f"photo_{number:02d}", photo), (f"render_{number:02d}", render)]
+        return [(name, cross_section(image, line)) for name, image in own]
+
+    columns = dict(walk([range(len(capture))], draw))
     write_columns(folder / "profile.csv", {"x": np.arange(len(next(iter(columns.values())))), **columns})
 
 
