@@ -58,11 +58,9 @@ def specify(
         InputError: an unknown model or parameter, a value outside its domain, a tie that makes no sense.
     """
     brdf, bracketed = model(expression)
-    fixed = {name: _value(brdf, name, value, channels) for name, value in bracketed.items()}
-    for name, value in constraints.fix.items():
-        path = resolve(brdf, name)
-        fixed[path] = _value(brdf, path, value, channels)
     freed = {resolve(brdf, name) for name in constraints.free}
+    told = {**bracketed, **by_path(brdf, constraints.fix, freed)}
+    fixed = {name: _value(brdf, name, value, channels) for name, value in told.items()}
     ties = {resolve(brdf, name): resolve(brdf, source) for name, source in constraints.tie.items()}
     for name, source in ties.items():
         kinds = [
@@ -123,13 +121,13 @@ def optics(brdf: Brdf, scene: Scene, without: Collection[str] = ()) -> dict[str,
     return {name: value.tolist() for name, value in found.items() if value is not None}
 
 
-def resolve(brdf: Brdf, name: str) -> str:
-    """The path of a parameter given by path, or by bare name where only one component has it.
+def resolve(brdf: Brdf, name: str, others: Collection[str] = ()) -> str:
+    """The path of a parameter (or one of `others`) given by path, or by bare name where only one component has it.
 
     Raises:
         InputError: no such parameter, or several.
     """
-    known = brdf.declared
+    known = [*brdf.declared, *others]
     if name in known:
         return name
     paths = [path for path in known if path.rpartition(".")[2] == name]
@@ -140,6 +138,39 @@ def resolve(brdf: Brdf, name: str) -> str:
     raise InputError(
         absent(brdf, name) or f"the model '{brdf.expression}' has no parameter '{name}'; {nearest(name, known)}"
     )
+
+
+def by_path(brdf: Brdf, given: Mapping[str, Value], free: Collection[str] = ()) -> dict[str, Value]:
+    """Values by path. A ratio of two lengths (`slope_ratio`) gives the lower one beside the upper as given or held.
+
+    Args:
+        brdf: whose parameters they are.
+        given: by name or path.
+        free: paths of parameters that are not held.
+
+    Raises:
+        InputError: no such parameter, or several; a ratio that the lower length's domain does not hold.
+    """
+    ratios = {}
+    for path, declared in brdf.declared.items():
+        if declared.ratio is not None:
+            component = path.removesuffix(path.rpartition(".")[2])
+            ratios[component + declared.ratio[0]] = path, component + declared.ratio[1]
+    out = {resolve(brdf, name): value for name, value in given.items() if resolve(brdf, name, ratios) not in ratios}
+    for name, value in given.items():
+        if (ratio := resolve(brdf, name, ratios)) in ratios:
+            lower, upper = ratios[ratio]
+            if lower in out:
+                raise InputError(f"{name} and {lower} say the same; give one of them.")
+            length = out.get(upper, None if upper in free else brdf.declared[upper].held)
+            if not isinstance(value, int | float) or not isinstance(length, int | float):
+                raise InputError(f"{name} takes one number, and {upper} has to be fixed beside it.")
+            domain = brdf.declared[lower].domain
+            if not value > 0 or not domain.contains(torch.tensor(length / value)):
+                ends = f"{length / domain.upper:g} and {length / domain.lower:g}"
+                raise InputError(f"{name} must lie between {ends} ({upper} is {length:g} µm); got {value:g}.")
+            out[lower] = length / value
+    return out
 
 
 def _beside_body(brdf: Brdf, name: str) -> bool:

@@ -174,3 +174,28 @@ def test_paths_resolve_to_themselves() -> None:
     brdf = model(SUM)[0]
     assert resolve(brdf, "oren-nayar.sigma") == "oren-nayar.sigma"
     assert resolve(brdf, "specular") == "torrance-sparrow.specular"
+
+
+def test_a_ratio_that_results_report_can_be_fixed() -> None:
+    found = specified("li-torrance", fix={"slope_ratio": 0.25})
+    assert float(found.problem.held["correlation_length"]) == 4.0
+    assert "correlation_length" not in found.problem.free
+    beside = specified("li-torrance", fix={"slope_ratio": 0.25, "height_rms": 0.5})
+    assert float(beside.problem.held["correlation_length"]) == 2.0
+    inside = specified("lambert+li-torrance", fix={"slope_ratio": 0.25})
+    assert float(inside.problem.held["li-torrance.correlation_length"]) == 4.0
+
+
+@pytest.mark.parametrize(
+    ("fix", "free", "word"),
+    [
+        ({"slope_ratio": 0.001}, (), "between 0.01 and 1"),
+        ({"slope_ratio": -0.2}, (), "between"),
+        ({"slope_ratio": [0.1, 0.2, 0.3]}, (), "one number"),
+        ({"slope_ratio": 0.3, "correlation_length": 4.0}, (), "the same"),
+        ({"slope_ratio": 0.3}, ("height_rms",), "height_rms has to be fixed"),
+        ({"slop_ratio": 0.3}, (), "did you mean 'slope_ratio'"),
+    ],
+)
+def test_a_ratio_that_cannot_be_held_is_refused(fix: dict, free: tuple[str, ...], word: str) -> None:
+    assert word in refusal(lambda: specified("li-torrance", fix=fix, free=free))

@@ -21,7 +21,7 @@ from matest.identifiability.reasons import Nearness, Reasons
 from matest.parameters import Domain
 from matest.result import Number, ParameterEstimate
 from matest.shader import gathered_light, lit_directions
-from matest.specification import Constraints, Specification, Value, resolve, specify
+from matest.specification import Constraints, Specification, Value, by_path, specify
 
 SCHEMA = "matest.check/1"
 # What is checked of a capture when no model is named: the largest that `auto` tries.
@@ -152,7 +152,7 @@ def check(
     own = plan.material if plan.material is not None and model in (None, plan.material.expression) else None
     expression = own.expression if own is not None else model or DEFAULT_MODEL
     specification = specify(expression, told, channels=capture.channels, relative=capture.relative, scene=capture.scene)
-    fixed = {resolve(specification.problem.brdf, name) for name in told.fix}
+    fixed = by_path(specification.problem.brdf, told.fix)
     scene = {} if own is None else {name: value for name, value in own.parameters.items() if name not in fixed}
     given = scene | _by_ratio(specification, scene) | _assumed(specification, at or {})
     specification, values = _nominal(specification, given)
@@ -189,8 +189,7 @@ def check(
 def _assumed(specification: Specification, at: Mapping[str, Value]) -> dict[str, Tensor]:
     """Values given for the prediction, by path."""
     problem, out = specification.problem, {}
-    for name, value in at.items():
-        path = resolve(problem.brdf, name)
+    for path, value in by_path(problem.brdf, at).items():
         if path in problem.ties or (path in problem.held and path not in specification.default_held):
             raise InputError(f"{path} is fixed or tied and not estimated; leave out its assumed value.")
         tensor = torch.as_tensor(value, dtype=torch.float64)
