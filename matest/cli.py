@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     add_completion=False,
-    no_args_is_help=True,
     rich_markup_mode=None,  # boxes around the help would take longer than the help
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -34,6 +33,9 @@ Json = arguments.Json
 Transfer = arguments.Transfer
 Out = Annotated[Path | None, typer.Option("-o", "--out", help="Where to write.", show_default=False)]
 
+# Of typer's own in some versions, of click in others.
+_UsageError: Any = typer.BadParameter.__base__
+
 app.command(epilog="Example: matest check renders/vase --model oren-nayar --at sigma=0.5")(check)
 app.command(epilog="Example: matest benchmark --suite stress --quick")(benchmark)
 
@@ -41,9 +43,11 @@ app.command(epilog="Example: matest benchmark --suite stress --quick")(benchmark
 def main() -> None:
     """Run the command: exit code 0, 1 (the work failed) or 2 (bad input)."""
     try:
-        app()
+        sys.exit(app(prog_name="matest", standalone_mode=False))
     except InputError as error:
         _fail(str(error), 2)
+    except _UsageError as error:
+        _fail(f"{error.format_message().rstrip('.')}; see '{error.ctx.command_path if error.ctx else 'matest'} -h'.", 2)
     except OSError as error:
         _fail(f"{error.filename or 'file system'}: {error.strerror or error}.", 1)
     except KeyboardInterrupt:
@@ -75,6 +79,7 @@ def estimate(
     The result goes to CAPTURE/matest (or OUT; with several captures OUT/<capture name>/ each): result.json,
     material.json, report.html, profile.csv and pictures.
     """
+    from matest.capture.capture import capture_file
     from matest.report.folder import check_destination
     from matest.specification import Constraints, specify
 
@@ -88,6 +93,8 @@ def estimate(
     root = Path(os.path.commonpath([path.absolute() for path in captures]))
     root = root if root.is_dir() else root.parent
     places = _places(captures, out)
+    if len(captures) == 1:
+        capture_file(captures[0], "capture.toml")
     for place in places.values():
         check_destination(place, "result.json")
 
@@ -242,11 +249,14 @@ def models(as_json: Json = False) -> None:
 
 @app.callback(invoke_without_command=True)
 def _root(
+    context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="Print the version and exit.", is_eager=True)] = False,
 ) -> None:
     if version:
         typer.echo(f"matest {matest.__version__}")
         raise typer.Exit
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
 
 
 def _load(path: Path, transfer: str | None, root: Path | None, say: Say) -> Capture:

@@ -321,3 +321,30 @@ def test_progress_is_silent_in_a_pipe(capture: Path) -> None:
     )
     assert done.returncode == 0
     assert done.stderr == ""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("estimate",), "Missing argument 'CAPTURE...'; see 'matest estimate -h'."),
+        (("estimate", "x", "--modle", "lambert"), "No such option: --modle"),
+        (("estimate", "x", "--seed", "1.5"), "Invalid value for '--seed'"),
+        (("nope",), "No such command 'nope'; see 'matest -h'."),
+    ],
+)
+def test_a_command_that_cannot_be_read_is_refused_in_one_line(run, arguments: tuple[str, ...], words: str) -> None:
+    code, out, err = run(*arguments)
+    assert (code, out) == (2, "")
+    assert err.startswith("matest: ")
+    assert words in err
+    assert err.count("\n") == 1
+
+
+def test_what_is_no_capture_is_refused_before_the_folder_of_its_result(run, tmp_path: Path) -> None:
+    (tmp_path / "README.md").write_text("words")
+    (tmp_path / "matest").mkdir()
+    (tmp_path / "matest" / "mine.txt").write_text("words")
+    code, _, err = run("estimate", tmp_path / "README.md")
+    assert code == 2
+    assert "capture.toml" in err
+    assert "mine.txt" not in err
