@@ -278,11 +278,11 @@ def _imprecise(parameters: Mapping[str, ParameterEstimate], precision: float | N
         for name, parameter in parameters.items()
         if parameter.status == "determined" and any(value and std is not None for value, std in _numbers(parameter))
     }
-    missed = {name: error for name, error in errors.items() if precision is not None and error > precision}
+    missed = [f"{name} ({error:.2g})" for name, error in errors.items() if precision is not None and error > precision]
     if not missed:
         return []
-    told = ", ".join(f"{name} ({error:.2g})" for name, error in missed.items())
-    return [f"All pixels together do not give the precision of {precision:g} that was asked for: {told}."]
+    missed += [f"{name} (not at all)" for name, found in parameters.items() if found.status == "not determined"]
+    return [f"All pixels together do not give the precision of {precision:g} that was asked for: {', '.join(missed)}."]
 
 
 def _numbers(parameter: ParameterEstimate) -> list[tuple[float | None, float | None]]:
@@ -357,6 +357,4 @@ def _warnings(
     if not capture.noise_given:
         noise = capture.noise
         out.append(f"Noise was estimated from the images: read {noise.read:.2g}, gain {noise.gain:.2g} of full scale.")
-    if not solution.converged:
-        out.append(_message(solution, bars))
     return out

@@ -137,10 +137,14 @@ class Estimate:
         return out | {"provenance": self.provenance, "warnings": self.warnings}
 
     def material_dict(self) -> dict[str, Any]:
-        """The content of `material.json`: the model and the values that shading needs."""
+        """The content of `material.json`: the model and the values that shading needs.
+
+        Those that the images do not determine are among them (they belong to the best fit, one of many), and named.
+        """
         values = {name: value.tolist() for name, value in self.material.parameters.items()}
         radiometry = "relative" if self.relative else "absolute"
-        return {"model": self.model, "radiometry": radiometry, "parameters": values}
+        lost = [name for name, parameter in self.parameters.items() if parameter.status == "not determined"]
+        return {"model": self.model, "radiometry": radiometry, "parameters": values, "not_determined": lost}
 
 
 def material_is_relative(path: str | Path) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from pathlib import Path
 
 import pytest
@@ -165,6 +166,19 @@ def test_two_bodies_that_cannot_be_told_apart_are_not_determined() -> None:
         assert result.parameters[name].value == [None] * 3
     assert any("lambert.albedo and cook-torrance.diffuse" in warning for warning in result.warnings)
     strict(result.to_dict())
+    # Shading needs numbers all the same.
+    stored = result.material_dict()
+    assert stored["not_determined"] == ["lambert.albedo", "cook-torrance.diffuse"]
+    assert set(stored["not_determined"]) <= set(stored["parameters"])
+
+
+def test_a_fit_that_does_not_converge_says_so_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Not by name: matest.estimators has a function called as its module is.
+    monkeypatch.setattr(sys.modules["matest.estimators.fit"], "_PASSES", 1)
+    result = estimate(captured(CookTorrance(0.3, 0.4, 0.2)), "oren-nayar")
+    assert result.fit.status == "not converged"
+    assert "Not converged" in result.fit.message
+    assert not any("onverged" in warning for warning in result.warnings)
 
 
 @pytest.mark.parametrize(

@@ -50,7 +50,7 @@ _DESCRIBED = 1.1
 _GAUGE_ROUNDS = 6
 # Images worked on at once; captures with fewer samples are worked on in two tiles, subsamples with fewer in one.
 _GROUP, _SMALL, _ONE_TILE = 4, 1 << 18, 10_000
-_PILOT_PASSES, _FULL_PASSES = 60, 20
+_PASSES = 60
 
 Progress = Callable[[str], None]
 
@@ -72,7 +72,7 @@ def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = N
     def descend(problem: Problem, start: Tensor, reference: Tensor, tolerance: float) -> Solution:
         misfit, expanded = settled(problem, tiles, reference)
         evaluate = passes_over(problem, in_memory(expanded), start, None, misfit)
-        found = minimise(problem, start, evaluate, passes=_PILOT_PASSES, tolerance=tolerance)
+        found = minimise(problem, start, evaluate, passes=_PASSES, tolerance=tolerance)
         return replace(found, misfit=misfit)
 
     def settle(guesses: Sequence[Solution]) -> list[Solution]:
@@ -159,9 +159,7 @@ def fit(
         evaluate = passes_over(found.problem, tiles, reference, reference, misfit)
         first = evaluate(reference)
         one_step = None if separates(found.problem) else single_step(found, first)
-        found = one_step or minimise(
-            found.problem, reference, evaluate, passes=_FULL_PASSES, tolerance=CLOSE, first=first
-        )
+        found = one_step or minimise(found.problem, reference, evaluate, passes=_PASSES, tolerance=CLOSE, first=first)
         found = replace(found, misfit=misfit, tiles=tiles)
     return replace(found, unknowns=found.problem.wrapped(found.unknowns))
 
