@@ -97,7 +97,8 @@ class Samples:
         lit = np.full(len(surface), bool((scene.ambient[image] > 0).any()))
         shadows = scene.shadows[image] if scene.shadows else None
         normals = surface.normals_as(torch.float32)
-        positions = None if surface.positions is None else surface.positions.float()
+        positions = scene.near_positions(image)
+        positions = None if positions is None else positions.float()
         for number, light in enumerate(scene.lights[image]):
             toward, _ = light.to(torch.float32, "cpu").at(positions)
             faces = (dot(normals, toward) > 0).numpy()

@@ -83,6 +83,11 @@ class Scene:
             unoccluded=unoccluded_fraction(self.surface) if bool((self.ambient > 0).any()) else None,
         )
 
+    def near_positions(self, image: int, index: Tensor | slice = slice(None)) -> Tensor | None:
+        """Positions of some pixels [n, 3], where a light of the image is near: a distant one needs none."""
+        near = any(isinstance(light, PointLight) for light in self.lights[image])
+        return self.surface.positions[index] if near and self.surface.positions is not None else None
+
     def points(
         self,
         image: int,
@@ -103,13 +108,12 @@ class Scene:
             if self.unoccluded is not None:
                 sky = sky * torch.from_numpy(self.unoccluded)[index].to(device, dtype)[:, None]
         shadows = self.shadows[image] if self.shadows else None
-        # A distant light needs no positions.
-        near = any(isinstance(light, PointLight) for light in self.lights[image])
+        positions = self.near_positions(image, index)
         return illuminate(
             surface.normals_as(dtype)[index].to(device),
             surface.toward_viewer(index).to(device, dtype),
             [light.to(dtype, device) for light in self.lights[image]],
-            positions=surface.positions[index].to(device, dtype) if near and surface.positions is not None else None,
+            positions=None if positions is None else positions.to(device, dtype),
             ambient=sky,
             blocked=None if shadows is None else torch.from_numpy(shadows)[:, index].to(device),
         )
