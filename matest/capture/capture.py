@@ -17,8 +17,8 @@ import torch
 
 from matest.capture import schema
 from matest.capture.assembly import Folder, build_encoding, build_scene, build_surface
-from matest.capture.images import read_image
-from matest.capture.photometry import FLOAT_FLOOR, Encoding, Noise, estimate_noise, quantisation
+from matest.capture.images import full_scale, read_image
+from matest.capture.photometry import FLOAT_FLOOR, Encoding, Noise, estimate_noise, quantisation, steps
 from matest.capture.samples import Samples
 from matest.errors import InputError
 from matest.scene import Scene
@@ -281,4 +281,13 @@ def _noise(capture: Capture, table: schema.NoiseTable | None) -> Noise:
         clipped = capture.encoding.saturated(pixels) | (pixels <= 0)
         signals.append(surface.image(capture.encoding.signal(pixels, slice(None)).astype(np.float32)))
         valid.append(surface.image(~clipped & ~surface.rim[:, None]))
-    return estimate_noise(signals, valid, floor)
+    black = float(np.mean(capture.encoding.black))
+
+    def step(signal: np.ndarray) -> np.ndarray:
+        if stored.dtype.kind != "u":
+            return np.zeros_like(signal)
+        top = int(full_scale(stored.dtype))
+        codes = (capture.encoding.encoded(signal + black) * top).round().clip(0, top).astype(int)
+        return steps(capture.encoding.transfer, top)[codes]
+
+    return estimate_noise(signals, valid, floor, step)

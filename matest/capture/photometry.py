@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import torch
@@ -113,16 +115,38 @@ def srgb(linear: np.ndarray) -> np.ndarray:
     return np.round(255 * Encoding("srgb").encoded(np.clip(linear, 0, 1))).astype(np.uint8)
 
 
+@lru_cache(maxsize=8)
+def steps(transfer: str | float, top: int) -> np.ndarray:
+    """Width in linear signal of each of the integers 0 to `top` that an encoding stores, fractions of full scale."""
+    edges = Encoding(transfer).linear(((np.arange(top + 2) - 0.5) / top).clip(0))
+    widths = np.diff(edges)
+    # The lowest reaches as far below zero as above.
+    widths[0] *= 2
+    return widths.astype(np.float32)
+
+
 def quantisation(encoding: Encoding, dtype: np.dtype) -> float:
-    """Standard deviation of rounding to the stored integers, linear fractions of full scale, at mid-tones."""
-    if dtype.kind != "u":
-        return 0.0
-    step = 1 / full_scale(dtype)
-    middle = encoding.linear(np.array([0.5, 0.5 + step]))
-    return float(middle[1] - middle[0]) / np.sqrt(12)
+    """Standard deviation of rounding to the stored integers, linear fractions of full scale, at black.
+
+    A linear encoding has the same at every level; of others `rounding` is what it is more.
+    """
+    return float(steps(encoding.transfer, int(full_scale(dtype)))[0]) / math.sqrt(12) if dtype.kind == "u" else 0.0
 
 
-def estimate_noise(images: list[np.ndarray], valid: list[np.ndarray], floor: float) -> Noise:
+def rounding(encoding: Encoding, stored: np.ndarray) -> np.ndarray | None:
+    """Variance of rounding beyond that of `quantisation` at stored values [n, C]; None where it is no more anywhere."""
+    if stored.dtype.kind != "u" or encoding.transfer == "linear":
+        return None
+    widths = steps(encoding.transfer, int(full_scale(stored.dtype)))
+    return np.asarray((widths[stored] ** 2 - widths[0] ** 2).clip(0) / 12)
+
+
+def estimate_noise(
+    images: list[np.ndarray],
+    valid: list[np.ndarray],
+    floor: float,
+    step: Callable[[np.ndarray], np.ndarray] = np.zeros_like,
+) -> Noise:
     """Read noise and gain from the pictures themselves.
 
     A second-difference mask blind to planes and to curvature along rows or columns leaves noise; its variance against
@@ -132,6 +156,7 @@ def estimate_noise(images: list[np.ndarray], valid: list[np.ndarray], floor: flo
         images: linear signals H×W×C, fractions of full scale.
         valid: H×W×C, True where a pixel is of the object and not clipped; only windows of 3×3 such pixels count.
         floor: smallest read noise believed (quantisation).
+        step: distance of neighbouring values at a signal; what it is more than at black makes no part of the noise.
     """
     import cv2
 
@@ -142,10 +167,13 @@ def estimate_noise(images: list[np.ndarray], valid: list[np.ndarray], floor: flo
             plane = np.ascontiguousarray(image[..., channel], dtype=np.float64)
             whole = cv2.erode(np.ascontiguousarray(mask[..., channel], dtype=np.uint8), np.ones((3, 3), np.uint8)) > 0
             levels.append(cv2.blur(plane, (3, 3))[whole])
-            spreads.append(np.abs(cv2.filter2D(plane, -1, kernel)[whole]))
+            spreads.append(cv2.filter2D(plane, -1, kernel)[whole])
     level, spread = np.concatenate(levels), np.concatenate(spreads)
+    # As much as fills the gaps between values that are sums of whole steps.
+    dither = step(level)
+    spread = np.abs(spread + dither * (np.random.default_rng(0).random(level.size) - 0.5))
     lit = level > 1e-3 * level.max(initial=0)
-    level, spread = level[lit], spread[lit]
+    level, spread, dither = level[lit], spread[lit], dither[lit]
     if level.size < 100:
         return Noise(max(floor, FLOAT_FLOOR * float(level.max(initial=1e-3))), 0.0)
     edges = np.quantile(level, np.linspace(0, 1, min(20, level.size // 50) + 1))
@@ -155,6 +183,9 @@ def estimate_noise(images: list[np.ndarray], valid: list[np.ndarray], floor: flo
     x = np.array([level[bins == b].mean() for b in used])
     # Median of |N(0, 1)| = 0.6745; the mask has gain 6.
     y = np.array([(np.median(spread[bins == b]) / (6 * 0.6745)) ** 2 for b in used])
+    widths = np.array([np.square(dither[bins == b]).mean() for b in used])
+    # Less the dither, and the rounding that `rounding` knows.
+    y = (y - widths / (12 * 36) - (widths - step(np.zeros(1)) ** 2).clip(0) / 12).clip(0)
     return _line(x, y, counts[used], floor)
 
 

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from matest.capture.batch import Batch, Limits, Readout
-from matest.capture.photometry import as_tensor
+from matest.capture.photometry import as_tensor, rounding
 from matest.directions import dot
 from matest.scene import Points
 
@@ -188,7 +188,9 @@ class Samples:
         scale = np.full((1, 1), capture.encoding.scale / capture.exposures[image])
         if flat is not None:
             scale = scale / flat[index]
-        values = ((capture.noise.read * scale) ** 2, capture.noise.gain * scale)
+        read = capture.noise.read**2
+        rounded = rounding(capture.encoding, capture.stored[image][index])
+        values = ((read if rounded is None else read + rounded) * scale**2, capture.noise.gain * scale)
         return Readout(*(as_tensor(value, self.dtype, self.device) for value in values))
 
     def tiles(self, size: int = TILE) -> Iterator[Batch]:

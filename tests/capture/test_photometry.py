@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from skimage.color import gray2rgb, rgb2xyz
 
-from matest.capture.photometry import Encoding, Noise, estimate_noise, quantisation, srgb
+from matest.capture.photometry import Encoding, Noise, estimate_noise, quantisation, rounding, srgb, steps
 
 EVERYTHING = slice(None)
 READ, GAIN = 0.004, 0.0006
@@ -108,9 +108,47 @@ def test_quantisation_is_the_standard_deviation_of_rounding():
     rounded = np.round(values * 255) / 255
     assert quantisation(Encoding(), np.dtype(np.uint8)) == pytest.approx((rounded - values).std(), rel=0.01)
     assert quantisation(Encoding(), np.dtype(np.float32)) == 0
-    # At code 0.5 sRGB rises 2.4 / 1.055 · ((0.5 + 0.055) / 1.055)^1.4 times as fast as its codes.
-    slope = 2.4 / 1.055 * (0.555 / 1.055) ** 1.4
-    assert quantisation(Encoding("srgb"), np.dtype(np.uint16)) == pytest.approx(slope / 65535 / np.sqrt(12), rel=1e-3)
+    assert quantisation(Encoding("srgb"), np.dtype(np.uint16)) == pytest.approx(
+        1 / 12.92 / 65535 / np.sqrt(12), rel=1e-3
+    )
+    assert rounding(Encoding(), np.array([[7, 200]], np.uint8)) is None
+    assert rounding(Encoding("srgb"), np.array([[0.5]], np.float32)) is None
+
+
+@pytest.mark.parametrize("transfer", ["srgb", 2.2])
+def test_rounding_grows_with_the_signal_where_the_encoding_is_not_linear(transfer):
+    rng = np.random.default_rng(3)
+    encoding = Encoding(transfer)
+    for level in (0.02, 0.2, 0.8):
+        # Whole steps, that every part of them is there.
+        codes = np.round(encoding.encoded(np.array([0.9, 1.1]) * level) * 255) + 0.5
+        linear = encoding.linear(rng.uniform(*codes, 100_000) / 255)
+        stored = np.round(encoding.encoded(linear) * 255).astype(np.uint8)
+        measured = np.square(encoding.linear(stored / 255) - linear).mean()
+        known = quantisation(encoding, stored.dtype) ** 2 + rounding(encoding, stored).mean()
+        assert known == pytest.approx(measured, rel=0.05)
+
+
+# Less noise than a third of a step leaves no trace beside the rounding: those of sRGB are twice as large in the light.
+@pytest.mark.parametrize(
+    ("transfer", "read"), [("linear", 0.0015), ("linear", 0.002), ("linear", 0.003), ("srgb", 0.002), ("srgb", 0.003)]
+)
+def test_noise_of_less_than_a_code_is_found_in_8_bit_images(transfer, read):
+    images, inside = photographs(read, 0.0, 6)
+    encoding = Encoding(transfer)
+    codes = [np.round(encoding.encoded(image).clip(0, 1) * 255).astype(np.uint8) for image in images]
+    linear = [encoding.linear(code / 255) for code in codes]
+
+    def step(signal: np.ndarray) -> np.ndarray:
+        return steps(transfer, 255)[np.round(encoding.encoded(signal).clip(0, 1) * 255).astype(int)]
+
+    lit = [image > 0.05 for image in linear]
+    noise = estimate_noise(linear, [a & b for a, b in zip(inside, lit, strict=True)], floor=0.0, step=step)
+    for level in (0.2, 0.5):
+        known = rounding(encoding, np.round(encoding.encoded(np.array([level])) * 255).astype(np.uint8))
+        found = noise.read**2 + noise.gain * level + (0 if known is None else known[0])
+        true = read**2 + float(step(np.array([level]))[0]) ** 2 / 12
+        assert found == pytest.approx(true, rel=0.1)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
