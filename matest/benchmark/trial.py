@@ -142,7 +142,7 @@ def _trial(drawn: Draw, conditions: Conditions, grid: bool) -> Trial:
     found = matest.estimate(capture, expression, fix=held)
     above = None
     if grid:
-        above = excess(problem, unknowns_at(problem, found.material.parameters), capture.samples())
+        above = excess(problem, unknowns_at(problem, found.material.parameters), capture.samples(dtype=torch.float64))
     figures = _figures(problem, truth, information, found)
     return Trial(expression, drawn.seed, figures, above, found.fit.errors, _about(drawn))
 
