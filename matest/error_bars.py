@@ -34,7 +34,7 @@ _VISIBLE = 4.0
 _KNOWS_NOTHING = 1 / math.sqrt(12)
 # A bound is near within so many standard errors.
 _NEAR = 3.0
-# Likewise a value at a bound whose interval covers this share of the domain.
+# Likewise a value at or near a bound whose interval covers this share of the domain.
 _ANYWHERE = 0.95
 
 
@@ -244,6 +244,13 @@ def known_by_ratio(problem: Problem, name: str) -> bool:
     return numerator_of(problem, name) in problem.arbitrary
 
 
+def seen_together(solution: Solution, bars: ErrorBars) -> set[str]:
+    """Names under which parameters are reported of which the images see only combinations."""
+    problem, told = solution.problem, solution.statistics.information.diagonal() > 0
+    locked = bars.covariance.undetermined & told
+    return {reported_name(problem, name) for name, place in problem.where.items() if bool(locked[place].any())}
+
+
 def numerator_of(problem: Problem, name: str) -> str:
     """The parameter whose ratio to this one is reported."""
     return _ratio_names(problem, name)[1]
@@ -314,7 +321,8 @@ def parameter_estimate(solution: Solution, bars: ErrorBars, name: str) -> Parame
             intervals.append([domain.lower, interval[1]])
             states.append("at bound")
             continue
-        anywhere = at_end and math.isfinite(width) and interval[1] - interval[0] > _ANYWHERE * width
+        near_end = at_end or position in bars.intervals
+        anywhere = near_end and math.isfinite(width) and interval[1] - interval[0] > _ANYWHERE * width
         if bool(covariance.undetermined[position]) or faint or (std > largest and not at_end) or anywhere:
             values.append(None)
             stds.append(None)

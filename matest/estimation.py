@@ -21,6 +21,7 @@ from matest.error_bars import (
     parameter_estimates,
     reported_correlation,
     reported_labels,
+    seen_together,
     with_profiles,
 )
 from matest.errors import InputError
@@ -31,8 +32,9 @@ from matest.shader import render
 from matest.specification import Constraints, Specification, Value, freed, optics, specify
 from matest.uncertainty import fisher
 
-# Worth a word of warning: less than this share of the mask is geometry, a fit worse than this, or more outliers.
-_COVERED, _POOR, _MANY_OUTLIERS = 0.5, 0.15, 0.005
+# Worth a word of warning: less than this share of the mask is geometry, a fit worse than this (not by noise alone, of
+# which there are no so many outliers), or more outliers.
+_COVERED, _POOR, _SOME_OUTLIERS, _MANY_OUTLIERS = 0.5, 0.15, 0.001, 0.005
 # A parameter held by default is freed when its predicted relative error is below this.
 _WORTH_FREEING = 0.25
 Progress = Callable[[str], None]
@@ -93,6 +95,11 @@ def estimate(
         # What looked determined by its Fisher error may not be by an honest one.
         if all(parameter_estimate(again, judged, name).status != "not determined" for name in problem.free):
             specification, solution, bars = wider, again, judged
+    if not solution.statistics.total("values"):
+        raise InputError(
+            f"{capture.name}: no value lies inside the sensor's range and near the model: the object is saturated or "
+            "black in every image. Photograph it with another exposure."
+        )
     bars = with_profiles(solution, bars)
     material = solution.problem.material(solution.unknowns)
     statistics = solution.statistics
@@ -308,9 +315,10 @@ def _warnings(
             "The common scale of the lights is unknown (relative radiometry): albedo is reported up to that scale."
         )
     for name in specification.default_held:
+        beside = " beside the strength of the highlight" if name.endswith("f0") else ""
         out.append(
-            f"{name} is held at {float(solution.problem.held[name]):g}: these images do not determine it beside the "
-            f"strength of the highlight; --free {name} estimates it all the same, --fix {name}=VALUE sets it."
+            f"{name} is held at {float(solution.problem.held[name]):g}: these images do not determine it{beside}; "
+            f"--free {name} estimates it all the same, --fix {name}=VALUE sets it."
         )
     for name, parameter in parameters.items():
         f0 = name.removesuffix(name.rpartition(".")[2]) + "f0"
@@ -341,17 +349,19 @@ def _warnings(
             f"{solution.statistics.outliers:.1%} of the values lie too far from the model to be noise and were left "
             "out: dust, highlights or shadows that model and geometry do not have?"
         )
-    if relative_rmse > _POOR:
+    if relative_rmse > _POOR and (not bars.holds or solution.statistics.outliers > _SOME_OUTLIERS):
         out.append(
             f"The model misses the images by {relative_rmse:.0%}: check encoding.transfer, the directions of the "
             "lights, and that normals have y up and z toward the viewer, or try another model."
         )
     lost = [name for name, parameter in parameters.items() if parameter.status == "not determined"]
     lost = [name for name in lost if not known_by_ratio(solution.problem, name)]
-    if len(lost) > 1:
-        out.append(f"{' and '.join(lost)} are not determined: these images see only a combination of them; fix one.")
-    elif lost:
-        out.append(f"{lost[0]} is not determined by these images.")
+    locked = [name for name in lost if name in seen_together(solution, bars)]
+    if len(locked) > 1:
+        out.append(f"{' and '.join(locked)} are not determined: these images see only a combination of them; fix one.")
+    alone = [name for name in lost if len(locked) < 2 or name not in locked]
+    if alone:
+        out.append(f"{' and '.join(alone)} {'are' if len(alone) > 1 else 'is'} not determined by these images.")
     if not bars.holds and bars.kind == "fisher":
         out.append("There are too few pixels for error bars that allow for the misfit of the model.")
     if not capture.noise_given:

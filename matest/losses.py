@@ -39,8 +39,10 @@ def likelihood(rendered: Tensor, batch: Batch, *, degrees_of_freedom: float | No
     value = 0.5 * (misfit + torch.log(variance))
     if batch.clipped is not None and batch.limits is not None:
         lower, upper = batch.limits
-        beyond = torch.where(batch.clipped > 0, rendered - upper, lower - rendered) / variance.sqrt()
-        value = torch.where(batch.clipped == 0, value, -torch.special.log_ndtr(beyond.nan_to_num(posinf=0)))
+        # The end that a value is clipped at, or its own: an infinite one would leave gradients without value.
+        ends = torch.where(batch.clipped > 0, upper, torch.where(batch.clipped < 0, lower, batch.radiance))
+        beyond = (rendered - ends) * batch.clipped.sign() / variance.sqrt()
+        value = torch.where(batch.clipped == 0, value, -torch.special.log_ndtr(beyond))
     return value.mean()
 
 

@@ -112,7 +112,9 @@ def _verdict(trial: _Trial, best: _Trial | None) -> tuple[bool, str]:
 def _error(linearisation: Linearisation, batch: Batch) -> float:
     with torch.no_grad():
         predicted = linearisation.radiance(batch)
-        return float((predicted - batch.radiance).square().mean() / batch.radiance.square().mean())
+        # What is dark says nothing of any model.
+        signal = float(batch.radiance.square().mean())
+        return float((predicted - batch.radiance).square().mean()) / signal if signal > 0 else 1.0
 
 
 def _parts(batches: list[Batch]) -> list[Batch]:

@@ -47,7 +47,7 @@ def fisher(information: Tensor, free: Tensor) -> Covariance:
     index = free.nonzero()[:, 0]
     if len(index):
         inside = information[index][:, index]
-        scale = inside.diagonal().clamp(min=1e-300).rsqrt()
+        scale = _units(inside)
         values, vectors = torch.linalg.eigh(inside * scale[:, None] * scale[None, :])
         lost = (values < _SINGULAR) | (values < 1e-12 * values.max())
         undetermined[index] = (vectors[:, lost].abs() > _PARTICIPATES).any(1) | (inside.diagonal() <= 0)
@@ -59,12 +59,19 @@ def fisher(information: Tensor, free: Tensor) -> Covariance:
     return Covariance(inverse, undetermined)
 
 
+def _units(information: Tensor) -> Tensor:
+    """1/√ of the diagonal [P]; 1 for what the data say nothing of, whose rows rounding alone may have filled."""
+    diagonal = information.diagonal()
+    told = diagonal > 1e-30 * diagonal.abs().max()
+    return torch.where(told, diagonal.clamp(min=1e-300).rsqrt(), 1.0)
+
+
 def error_of(information: Tensor, direction: Tensor) -> float | None:
     """Standard error of the combination `direction` · u of unknowns with JᵀWJ `information`; None if it is not seen.
 
     A combination may be well determined though none of its unknowns is.
     """
-    scale = information.diagonal().clamp(min=1e-300).rsqrt()
+    scale = _units(information)
     values, vectors = torch.linalg.eigh(information * scale[:, None] * scale[None, :])
     along = vectors.T @ (direction * scale)
     lost = (values < _SINGULAR) | (values < 1e-12 * values.max())

@@ -120,6 +120,16 @@ def test_gradients_are_finite_where_the_model_is_dark():
     assert torch.isfinite(rendered.grad).all()
 
 
+def test_gradients_are_finite_where_only_the_upper_end_clips():
+    # Float images with a saturation have no lower end.
+    rendered = torch.tensor([[0.2, 0.5, 2.0]], dtype=torch.float64, requires_grad=True)
+    ends = Limits(*(torch.tensor([[end]], dtype=torch.float64) for end in (-math.inf, 0.95)))
+    batch = replace(batch_of(torch.tensor([[0.3, 1.0, 1.0]], dtype=torch.float64)), limits=ends)
+    likelihood(rendered, replace(batch, clipped=torch.tensor([[0, 1, 1]]))).backward()
+    assert torch.isfinite(rendered.grad).all()
+    assert rendered.grad[0, 1] < 0
+
+
 def test_equal_images_have_no_structural_loss():
     images = random(2, 24, 20, 3).float()
     assert float(structural(images, images)) == pytest.approx(0, abs=1e-6)

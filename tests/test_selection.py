@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from matest import selection
@@ -10,7 +12,7 @@ from matest.capture.photometry import Noise
 from matest.result import Candidate
 from matest.selection import CANDIDATES, select
 from matest.specification import Constraints
-from tests.captures import refusal
+from tests.captures import directional, refusal
 from tests.simulated import Studio
 
 
@@ -54,6 +56,14 @@ def test_a_model_that_predicts_every_image_better_is_not_called_chance(monkeypat
 def test_glossy_images_support_a_lobe() -> None:
     expression, _, _ = selected(CookTorrance(0.3, 0.8, 0.2))
     assert expression == "cook-torrance"
+
+
+def test_a_dark_image_says_nothing_of_any_model() -> None:
+    lights = (*Studio().lights[-3:], (directional((0.1, 0.1, 0.98), 0.0),))
+    capture = Studio(size=48, lights=lights).photograph(OrenNayar(0.8, 0.6))
+    expression, candidates = select(capture.samples(), Constraints(), 0, lambda _: None)
+    assert expression == "oren-nayar"
+    assert all(math.isfinite(candidate.score) for candidate in candidates)
 
 
 def test_few_images_are_compared_on_bands_of_them(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from matest.brdf import Brdf, Lambert, OrenNayar
 from matest.estimation import estimate
-from matest.uncertainty import Covariance, correlation_of_residuals, fisher, jackknife, quantile95
+from matest.uncertainty import Covariance, correlation_of_residuals, error_of, fisher, jackknife, quantile95
 from tests.problems import information
 from tests.simulated import Studio
 
@@ -79,6 +79,18 @@ def test_a_parameter_without_any_influence_is_undetermined() -> None:
     covariance = fisher(matrix, everything(3))
     assert covariance.undetermined.tolist() == [False, True, False]
     assert bool(torch.isfinite(covariance.matrix).all())
+
+
+@pytest.mark.parametrize("rest", [1e-18, -1e-18])
+def test_what_rounding_leaves_of_a_parameter_without_influence_hides_nothing(rest: float) -> None:
+    # Two such parameters, whose common element would count as ±∞ in units of their own.
+    matrix = torch.diag(torch.tensor([3e7, 0.0, 0.0], dtype=DOUBLE))
+    matrix[1, 2] = matrix[2, 1] = rest
+    covariance = fisher(matrix, everything(3))
+    assert covariance.undetermined.tolist() == [False, True, True]
+    assert float(covariance.std[0]) == pytest.approx(3e7**-0.5)
+    direction = torch.tensor([1.0, 0.0, 0.0], dtype=DOUBLE)
+    assert error_of(matrix, direction) == pytest.approx(3e7**-0.5)
 
 
 def test_an_undetermined_direction_hides_nothing_that_is_determined() -> None:

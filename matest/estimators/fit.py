@@ -16,6 +16,7 @@ from matest.capture.samples import join
 from matest.estimators.expansion import CLOSE, settled, single_step
 from matest.estimators.guess import (
     ALIKE,
+    apart,
     at_ends,
     distance,
     doubtful,
@@ -80,10 +81,7 @@ def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = N
         optima: list[Solution] = []
 
         def known(found: Solution) -> bool:
-            return any(
-                max(distance(other, found), distance(found, other)) < _SAME and at_ends(other) <= at_ends(found)
-                for other in optima
-            )
+            return any(apart(other, found) < _SAME and at_ends(other) <= at_ends(found) for other in optima)
 
         for found in guesses:
             moved = 1.0
@@ -103,7 +101,7 @@ def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = N
         # Outliers had bent the first guess: once they are known for what they are, the search may end elsewhere.
         before = best
         again = first_guesses(best.problem, [doubtful(best, thinned(batches))], None)
-        best = most_plausible([before, *settle([guess for guess in again if distance(before, guess) > _ELSEWHERE])])
+        best = most_plausible([before, *settle([guess for guess in again if apart(before, guess) > _ELSEWHERE])])
         if implausibility(best) > implausibility(before) - ALIKE * before.misfit**2:
             break
     for _ in range(_GAUGE_ROUNDS if problem.gauges else 0):

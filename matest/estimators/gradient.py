@@ -134,12 +134,15 @@ def fit_gradient(
             that cannot be read or was written with another material, optimiser, loss, samples, batch size or seed.
     """
     plan = Schedule(**schedule)
+    _check_kinds(samples, material, optimiser)
     trained = [parameter for parameter in material.parameters() if parameter.requires_grad]
     if not trained:
         raise InputError("the material has no parameter that requires gradients: there is nothing to train.")
     if not len(samples):
         raise InputError("the capture has no usable sample to train on: all are background, shadowed or saturated.")
     stepper = optimiser(trained)
+    if not isinstance(stepper, torch.optim.Optimizer):
+        raise InputError(f"optimiser must return a torch.optim.Optimizer; got a {type(stepper).__name__}.")
     settings = {} if plan.checkpoint is None else _settings(material, stepper, loss, samples, plan)
     run = _Run(material, stepper, loss, samples, plan, settings)
     with _reproducible(samples.device, plan.seed):
@@ -161,6 +164,21 @@ def fit_gradient(
         if saved < len(losses):
             run.save(place, losses)
     return GradientFit(tuple(losses), reason)
+
+
+def _check_kinds(samples: Samples, material: nn.Module, optimiser: MakeOptimiser) -> None:
+    """Refuse what is easily given instead of these three."""
+    if not isinstance(samples, Samples):
+        raise InputError(f"fit_gradient takes samples, of capture.samples(); got a {type(samples).__name__}.")
+    if not isinstance(material, nn.Module):
+        raise InputError(
+            f"fit_gradient trains a torch module, such as matest.Trainable(brdf); got a {type(material).__name__}."
+        )
+    if isinstance(optimiser, torch.optim.Optimizer) or not callable(optimiser):
+        raise InputError(
+            "optimiser must make one from the parameters, as lambda parameters: torch.optim.Adam(parameters, lr=0.05) "
+            f"does; got a {type(optimiser).__name__}."
+        )
 
 
 class _NotFinite(Exception):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import partial
 
@@ -11,6 +12,7 @@ from torch import Tensor
 from matest.capture import Batch
 from matest.capture.batch import REJECTED, Readout
 from matest.capture.samples import join
+from matest.errors import InputError
 from matest.estimators.levenberg_marquardt import Solution, minimise
 from matest.estimators.linearise import Linearisation, accumulate
 from matest.estimators.problem import Problem
@@ -37,6 +39,9 @@ def first_guesses(problem: Problem, batches: list[Batch], start: Tensor | None) 
         problem: what is estimated.
         batches: single samples.
         start: u [P] near the optimum; None: searched for globally.
+
+    Raises:
+        InputError: the model gives nothing that can be compared with the samples.
     """
     guesses: list[Solution] = []
     for view in views(thinned(batches)):
@@ -52,9 +57,15 @@ def first_guesses(problem: Problem, batches: list[Batch], start: Tensor | None) 
             if compressed is not None:
                 evaluate = partial(statistics, problem, compressed)
             guesses.append(minimise(problem, first, evaluate, passes=_PASSES, tolerance=0.01))
+    guesses = [guess for guess in guesses if math.isfinite(implausibility(guess))]
+    if not guesses:
+        raise InputError(
+            f"{problem.brdf.expression} gives no finite radiance that could be compared with the images; try another "
+            "model."
+        )
     distinct: list[Solution] = []
     for guess in sorted(guesses, key=implausibility):
-        if all(distance(other, guess) > _DISTINCT for other in distinct):
+        if all(apart(other, guess) > _DISTINCT for other in distinct):
             distinct.append(guess)
     return distinct
 
@@ -93,6 +104,11 @@ def distance(found: Solution, other: Solution) -> float:
     """Between two solutions of a problem, in standard errors."""
     change = other.unknowns - found.unknowns
     return float((change @ found.statistics.information @ change / found.statistics.misfit).clamp(min=0)) ** 0.5
+
+
+def apart(one: Solution, other: Solution) -> float:
+    """The distance as either of two solutions sees it, whichever sees more: one may lie where the model is flat."""
+    return max(distance(one, other), distance(other, one))
 
 
 def implausibility(found: Solution) -> float:

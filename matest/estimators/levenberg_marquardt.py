@@ -16,6 +16,8 @@ from matest.estimators.walk import Tiles
 # A promised drop in χ² below this share of it drowns in single-precision rounding; where it does, the estimate counts
 # as converged if the step it comes from is no longer than so many standard errors.
 _ROUNDING = 1e-9
+# Moves by a smaller share of a domain are rounding.
+_ROUNDING_STEP = 1e-6
 _SHORT = 0.1
 # After a step that led nowhere the next may be short because it is damped: it has to be shorter than so many to end.
 _DAMPED = 0.01
@@ -116,6 +118,16 @@ def bounded_step(
     return position - unknowns
 
 
+def _seen(problem: Problem, unknowns: Tensor, step: _Step) -> bool:
+    """Whether the data see where a step leads: it moves no unknown by its whole domain for every standard error.
+
+    One that does goes along a direction in which the model is flat here, and may not be there.
+    """
+    width = problem.upper - problem.lower
+    width = torch.where(torch.isfinite(width), width, 1 + unknowns.abs())
+    return bool((step.change.abs() <= max(step.length, _ROUNDING_STEP) * width).all())
+
+
 def minimise(
     problem: Problem,
     start: Tensor,
@@ -142,7 +154,8 @@ def minimise(
     for iteration in range(1, passes):
         if step.length < (tolerance if growth == 2.0 else min(tolerance, _DAMPED)):
             # The step itself is free: where it leads, the next one would be shorter by its square.
-            return Solution(problem, unknowns + share * step.change, statistics, iteration, step.length, True)
+            change = share * step.change if _seen(problem, unknowns, step) else torch.zeros_like(unknowns)
+            return Solution(problem, unknowns + change, statistics, iteration, step.length, True)
         chi2 = statistics.total("cost")
         promise = share * step.slope - share**2 * step.curvature
         target = unknowns + share * step.change

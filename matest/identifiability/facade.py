@@ -143,8 +143,8 @@ def check(
         progress: called with a word, and how much of it is done.
 
     Raises:
-        InputError: unknown names, values outside their domains, impossible constraints, a model that cannot be
-            estimated under lights of unknown strength.
+        InputError: unknown names, values outside their domains, impossible constraints, nothing left to estimate, a
+            model that cannot be estimated under lights of unknown strength.
     """
     plan = Plan.of(plan) if isinstance(plan, Capture) else plan
     plan = plan if noise is None else plan.with_noise(*noise)
@@ -152,6 +152,8 @@ def check(
     own = plan.material if plan.material is not None and model in (None, plan.material.expression) else None
     expression = own.expression if own is not None else model or DEFAULT_MODEL
     specification = specify(expression, told, channels=capture.channels, relative=capture.relative, scene=capture.scene)
+    if not specification.problem.free:
+        raise InputError(f"every parameter of {expression} is fixed or tied: there is no error to predict; free one.")
     fixed = by_path(specification.problem.brdf, told.fix)
     scene = {} if own is None else {name: value for name, value in own.parameters.items() if name not in fixed}
     given = scene | _by_ratio(specification, scene) | _assumed(specification, at or {})

@@ -87,6 +87,8 @@ def _advice(light: LightAdvice | None) -> Text:
 
 def _value(prediction: Prediction) -> str:
     unit = "" if prediction.unit == "1" else f" {prediction.unit}"
+    if _largest(prediction.value) is None:
+        return "-"
     values = prediction.value if isinstance(prediction.value, list) else [prediction.value]
     text = ", ".join(f"{value:.3g}" for value in dict.fromkeys(values)) + unit
     return text + f"\n{math.degrees(values[0] or 0):.1f}°" if prediction.unit == "rad" else text
@@ -116,6 +118,8 @@ def _relative(prediction: Prediction) -> str:
 
 
 def _percent(value: float | None) -> str:
-    if value is None or value > 100:
+    if value is None:
         return "-"
+    if value > 100:
+        return "> 10000%"
     return f"{100 * value:.2g}%" if value < 0.995 else f"{100 * value:.0f}%"

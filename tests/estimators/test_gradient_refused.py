@@ -120,6 +120,20 @@ def test_a_module_that_returns_no_model_is_refused() -> None:
     assert "must return a Brdf" in refusal(lambda: fit_gradient(SAMPLES, Colour(1, 1), steps=1))
 
 
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"samples": Studio(size=24).photograph(TRUTH)}, "capture.samples()"),
+        ({"material": OrenNayar(0.5, 0.3)}, "matest.Trainable(brdf)"),
+        ({"optimiser": torch.optim.Adam(start().parameters())}, "make one from the parameters"),
+        ({"optimiser": lambda _: None}, "torch.optim.Optimizer"),
+    ],
+)
+def test_what_is_easily_given_instead_is_refused_by_name(given: dict, words: str) -> None:
+    arguments = {"samples": SAMPLES, "material": start(), "steps": 1} | given
+    assert words in refusal(lambda: fit_gradient(**arguments))
+
+
 def test_nothing_to_train_is_refused() -> None:
     frozen = Trainable(OrenNayar(0.5, 0.3), fixed=("albedo", "sigma"))
     assert "nothing to train" in refusal(lambda: fit_gradient(SAMPLES, frozen, steps=1))

@@ -185,6 +185,18 @@ def test_statistics_of_a_solution_are_those_of_the_last_pass_a_short_step_away()
     assert solution.iterations == len(seen)
 
 
+def test_a_direction_without_information_is_not_followed_unseen() -> None:
+    # A thousandth of a standard error, and over the whole domain.
+    matrix = torch.diag(torch.tensor([1e6, 1e6, 1e-6], dtype=torch.float64))
+    optimum = torch.tensor([0.5, 0.5, 1.0], dtype=torch.float64)
+    start = torch.tensor([0.5, 0.5, 0.1], dtype=torch.float64)
+    solution = minimise(
+        problem("cook-torrance"), start, lambda u: quadratic(matrix, optimum, u), passes=9, tolerance=0.01
+    )
+    assert solution.converged
+    assert solution.unknowns.tolist() == start.tolist()
+
+
 def test_converged_means_that_the_next_step_is_short_however_many_samples_there_are() -> None:
     # Twelve colour photographs of a megapixel: half a standard error off, χ² falls by less than 1e-8 of itself.
     matrix = torch.eye(3, dtype=torch.float64) * 1e8
