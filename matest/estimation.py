@@ -11,30 +11,26 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from matest.brdf import Brdf, Sum
+from matest.brdf import Brdf
 from matest.capture import Capture, Samples
-from matest.error_bars import (
-    ErrorBars,
-    error_bars,
-    known_by_ratio,
+from matest.capture.idle import idle
+from matest.error_bars import error_bars
+from matest.errors import InputError
+from matest.estimators import AllTiles, Problem, Solution, accumulate, fit
+from matest.parameter_estimates import (
     parameter_estimate,
     parameter_estimates,
     reported_correlation,
     reported_labels,
-    seen_together,
     with_profiles,
 )
-from matest.errors import InputError
-from matest.estimators import AllTiles, Problem, Solution, accumulate, fit
-from matest.result import Candidate, Estimate, Fit, ParameterEstimate
+from matest.remarks import message, skipped, warnings
+from matest.result import Candidate, Estimate, Fit
 from matest.selection import select
 from matest.shader import render
 from matest.specification import Constraints, Specification, Value, freed, optics, specify
 from matest.uncertainty import fisher
 
-# Worth a word of warning: less than this share of the mask is geometry, a fit worse than this (not by noise alone, of
-# which there are no so many outliers), or more outliers.
-_COVERED, _POOR, _SOME_OUTLIERS, _MANY_OUTLIERS = 0.5, 0.15, 0.001, 0.005
 # A parameter held by default is freed when its predicted relative error is below this.
 _WORTH_FREEING = 0.25
 Progress = Callable[[str], None]
@@ -76,7 +72,8 @@ def estimate(
         raise InputError(f"precision is a relative standard error, such as 0.001, between 0 and 1; got {precision}.")
     constraints = Constraints(fix or {}, tuple(free), tie or {})
     images = _fitted_images(capture, holdout)
-    samples = capture.samples(images, device=device)
+    passed = idle(capture, images)
+    samples = capture.samples([image for image in images if image not in passed], device=device)
     if not len(samples):
         raise InputError(_no_samples(capture, samples))
     candidates: list[Candidate] = []
@@ -113,7 +110,7 @@ def estimate(
         samples_used=min(int(statistics.total("samples")), measured),
         iterations=solution.iterations,
         status="converged" if solution.converged else "not converged",
-        message=_message(solution, bars),
+        message=message(solution, bars),
         errors=bars.kind,
         outliers=statistics.outliers,
     )
@@ -132,13 +129,10 @@ def estimate(
         fit=outcome,
         relative=capture.relative,
         candidates=candidates,
-        skipped=_skipped(samples, solution),
+        skipped=skipped(samples, solution, passed, len(set(holdout))),
         timing_s={**{stage: capture.timing.get(stage, 0.0) for stage in ("read", "geometry")}, "fit": fit_s},
         holdout=left_out,
-        warnings=[
-            *_warnings(samples, specification, solution, parameters, bars),
-            *_imprecise(parameters, precision),
-        ],
+        warnings=warnings(samples, specification, solution, parameters, bars, passed, precision),
     )
 
 
@@ -232,139 +226,3 @@ def _no_samples(capture: Capture, samples: Samples) -> str:
         f"{capture.name}: no lit pixel is left to fit: of all pixels, {counts}. Check that the lights face the object "
         "(directions point from the surface to the light), the mask and encoding.saturation."
     )
-
-
-def _message(solution: Solution, bars: ErrorBars) -> str:
-    if not solution.converged:
-        return (
-            f"Not converged: after {solution.iterations} passes the next step would still move the estimate by "
-            f"{solution.last_step:.2g} standard errors."
-        )
-    if bars.holds:
-        return f"Converged; the model describes the images to their noise (χ² per value {bars.chi2:.2f})."
-    if bars.kind == "fisher":
-        return f"Converged; residuals are {math.sqrt(bars.chi2):.3g} times the noise, error bars scaled by that."
-    return f"Converged; the model does not hold to the noise ({bars.reason}), so error bars come from the {bars.kind}."
-
-
-def _skipped(samples: Samples, solution: Solution) -> dict:
-    work, problem = [], solution.problem
-    statistics = solution.statistics
-    merged = max(int(statistics.total("samples") - statistics.total("evaluated")), 0)
-    if merged:
-        work.append(
-            f"shading of {merged:,} pixels: over smooth squares of 7×7 or 21×21 it is bilinear or biquadratic, four or "
-            "nine samples carry what all say"
-        )
-    unread = len(samples) - int(statistics.total("samples"))
-    if unread > 0:
-        work.append(f"reading {unread:,} samples: the others give the precision asked for")
-    scene = samples.capture.scene
-    if scene.surface.mesh is not None and scene.surface.mesh.convex:
-        work.append("shadow rays: the mesh is convex and cannot shadow itself")
-    elif scene.surface.convex:
-        work.append("shadow rays: a sphere cannot shadow itself")
-    elif scene.surface.mesh is None:
-        work.append("shadow rays: no mesh, cast shadows are unknown")
-    if not bool((scene.ambient > 0).any()):
-        work.append("ambient light: there is none")
-        values = problem.values(solution.unknowns)
-        alike = all(values[name].numel() == 1 for name in problem.shaping)
-        if alike and all(len(lights) == 1 for lights in scene.lights) and scene.channels > 1:
-            work.append("colour: each image has one light, shapes are evaluated once for all channels")
-    for name in problem.held:
-        if name.endswith("diffuse") and isinstance(problem.brdf, Sum) and float(problem.held[name]) == 0:
-            work.append(f"{name}: another component is the diffuse one")
-    return {"components": [], "samples": {**samples.skipped, "redundant": merged}, "work": work}
-
-
-def _imprecise(parameters: Mapping[str, ParameterEstimate], precision: float | None) -> list[str]:
-    """What could not be estimated to the precision asked for."""
-    errors = {
-        name: max(abs(std / value) for value, std in _numbers(parameter) if value and std is not None)
-        for name, parameter in parameters.items()
-        if parameter.status == "determined" and any(value and std is not None for value, std in _numbers(parameter))
-    }
-    missed = [f"{name} ({error:.2g})" for name, error in errors.items() if precision is not None and error > precision]
-    if not missed:
-        return []
-    missed += [f"{name} (not at all)" for name, found in parameters.items() if found.status == "not determined"]
-    return [f"All pixels together do not give the precision of {precision:g} that was asked for: {', '.join(missed)}."]
-
-
-def _numbers(parameter: ParameterEstimate) -> list[tuple[float | None, float | None]]:
-    """Value and standard error of every channel."""
-    value, std = parameter.value, parameter.std
-    if isinstance(value, list) and isinstance(std, list):
-        return list(zip(value, std, strict=True))
-    return [(value, std)] if not isinstance(value, list) and not isinstance(std, list) else []
-
-
-def _warnings(
-    samples: Samples,
-    specification: Specification,
-    solution: Solution,
-    parameters: dict[str, ParameterEstimate],
-    bars: ErrorBars,
-) -> list[str]:
-    out = []
-    capture = samples.capture
-    relative_rmse = solution.statistics.relative_rmse
-    if capture.relative:
-        out.append(
-            "The common scale of the lights is unknown (relative radiometry): albedo is reported up to that scale."
-        )
-    for name in specification.default_held:
-        beside = " beside the strength of the highlight" if name.endswith("f0") else ""
-        out.append(
-            f"{name} is held at {float(solution.problem.held[name]):g}: these images do not determine it{beside}; "
-            f"--free {name} estimates it all the same, --fix {name}=VALUE sets it."
-        )
-    for name, parameter in parameters.items():
-        f0 = name.removesuffix(name.rpartition(".")[2]) + "f0"
-        declared = solution.problem.brdf.declared.get(name)
-        if declared is None or f0 not in specification.default_held or parameter.status != "at bound":
-            continue
-        values = solution.problem.values(solution.unknowns)[name]
-        if bool((values >= declared.domain.upper).any()) and name in solution.problem.factors:
-            out.append(
-                f"{name} is at its upper end: with {f0} held at {float(solution.problem.held[f0]):g} no lobe is bright "
-                f"enough; give the surface's own, --fix {f0}=VALUE (a metal's is near 1)."
-            )
-    for name in specification.assumed:
-        value = float(solution.problem.held[name])
-        unit = solution.problem.declared(name).unit
-        where = "the lights" if name.endswith("solid_angle") else "[camera]"
-        out.append(f"{name} is taken as {value:g} {unit}: {where} of the capture should say it.")
-    surface = capture.scene.surface
-    if surface.coverage < _COVERED:
-        out.append(
-            f"The geometry covers only {surface.coverage:.0%} of the mask: check the camera and the mesh's units."
-        )
-    empty = [capture.names[k] for k, count in zip(samples.images, samples.counts, strict=True) if not count]
-    if empty:
-        out.append(f"{', '.join(empty)} gives no usable pixel: is its light behind the object, or the image clipped?")
-    if solution.statistics.outliers > _MANY_OUTLIERS:
-        out.append(
-            f"{solution.statistics.outliers:.1%} of the values lie too far from the model to be noise and were left "
-            "out: dust, highlights or shadows that model and geometry do not have?"
-        )
-    if relative_rmse > _POOR and (not bars.holds or solution.statistics.outliers > _SOME_OUTLIERS):
-        out.append(
-            f"The model misses the images by {relative_rmse:.0%}: check encoding.transfer, the directions of the "
-            "lights, and that normals have y up and z toward the viewer, or try another model."
-        )
-    lost = [name for name, parameter in parameters.items() if parameter.status == "not determined"]
-    lost = [name for name in lost if not known_by_ratio(solution.problem, name)]
-    locked = [name for name in lost if name in seen_together(solution, bars)]
-    if len(locked) > 1:
-        out.append(f"{' and '.join(locked)} are not determined: these images see only a combination of them; fix one.")
-    alone = [name for name in lost if len(locked) < 2 or name not in locked]
-    if alone:
-        out.append(f"{' and '.join(alone)} {'are' if len(alone) > 1 else 'is'} not determined by these images.")
-    if not bars.holds and bars.kind == "fisher":
-        out.append("There are too few pixels for error bars that allow for the misfit of the model.")
-    if not capture.noise_given:
-        noise = capture.noise
-        out.append(f"Noise was estimated from the images: read {noise.read:.2g}, gain {noise.gain:.2g} of full scale.")
-    return out

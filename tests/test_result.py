@@ -17,7 +17,7 @@ from matest.capture import Capture
 from matest.capture.photometry import Encoding, Noise
 from matest.estimation import estimate
 from matest.result import Estimate, load_material
-from tests.captures import refusal
+from tests.captures import directional, refusal
 from tests.estimates import FIXED, LOST, SIGMA, clay
 from tests.sampling import random_pairs
 from tests.simulated import Studio, coloured
@@ -89,7 +89,8 @@ def test_what_is_not_determined_is_null() -> None:
 def test_an_estimate_writes_strict_json(found: Estimate) -> None:
     content = strict(found.to_dict())
     assert content["model"] == "oren-nayar"
-    assert set(content["skipped"]["samples"]) == {"background", "shadowed", "saturated", "rim", "redundant"}
+    named = {"background", "shadowed", "saturated", "rim", "redundant", "unread", "idle", "held_out"}
+    assert set(content["skipped"]["samples"]) == named
     assert set(content["timing_s"]) >= {"fit"}
     assert content["holdout"]["images"] == [3]
     assert content["fit"]["status"] == "converged"
@@ -173,6 +174,16 @@ def test_two_bodies_that_cannot_be_told_apart_are_not_determined() -> None:
     stored = result.material_dict()
     assert stored["not_determined"] == ["lambert.albedo", "cook-torrance.diffuse"]
     assert set(stored["not_determined"]) <= set(stored["parameters"])
+
+
+def test_what_is_locked_with_an_unknown_without_effect_is_not_determined() -> None:
+    # At k = 0 a conductor's k has no effect to first order; n and k of one reflectance are locked all the same.
+    metal = CookTorrance(0.0, 1.0, 0.2, fresnel="conductor", eta=1.5, k=3.0)
+    lights = ((directional((0.0, 0.35, 0.94), 3.0),), (directional((0.3, 0.2, 0.93), 3.0),))
+    capture = Studio(size=64, lights=lights).photograph(metal, seed=1)
+    found = estimate(capture, "cook-torrance(fresnel=conductor)", fix={"diffuse": 0.0})
+    assert found.parameters["slope"].status == "determined"
+    assert found.parameters["eta"].status == "not determined"
 
 
 def test_a_body_beside_another_moves_nothing_but_what_is_seen() -> None:

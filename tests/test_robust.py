@@ -77,6 +77,18 @@ def test_a_model_that_misses_everything_says_so() -> None:
     assert any("misses the images" in warning for warning in found.warnings)
 
 
+def test_one_photograph_of_something_else_is_named() -> None:
+    capture = STUDIO.photograph(TRUTH, seed=1)
+    black = [pixels.copy() for pixels in capture.stored]
+    black[3][:] = 0
+    spoilt = matest.estimate(dataclasses.replace(capture, stored=tuple(black)), "cook-torrance", fix=FIX)
+    assert any(f"misfit comes from {capture.names[3]}" in warning for warning in spoilt.warnings)
+    # A model that fits none of them is not an image's fault.
+    wrong = matest.estimate(capture, "lambert")
+    assert wrong.fit.reduced_chi2 > 1.5
+    assert not any("misfit comes from" in warning for warning in wrong.warnings)
+
+
 def test_ordinary_noise_has_no_outliers() -> None:
     found = matest.estimate(STUDIO.photograph(Lambert(0.5), seed=9), "lambert")
     assert found.fit.outliers < 1e-4

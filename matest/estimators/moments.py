@@ -150,9 +150,13 @@ class Statistics:
     def __len__(self) -> int:
         return len(self.labels)
 
+    def column(self, name: str) -> Tensor:
+        """One of the `SCORES` of every block [B]."""
+        return self.scores[:, SCORES.index(name)]
+
     def total(self, name: str) -> float:
         """The sum of one of the `SCORES`."""
-        return float(self.scores[:, SCORES.index(name)].sum())
+        return float(self.column(name).sum())
 
     @property
     def reduced_chi2(self) -> float:

@@ -12,12 +12,12 @@ import torch
 from torch import Tensor
 
 from matest.capture import Capture, Samples
-from matest.error_bars import known_by_ratio, numerator_of, reported_name
 from matest.errors import InputError
 from matest.identifiability.forecast import Forecast, as_estimated, forecast, unknowns_at, usable
 from matest.identifiability.next_light import NextLight, next_light
 from matest.identifiability.plan import Plan, exposed
 from matest.identifiability.reasons import Nearness, Reasons
+from matest.parameter_estimates import known_by_ratio, numerator_of, reported_name
 from matest.parameters import Domain
 from matest.result import Number, ParameterEstimate
 from matest.shader import gathered_light, lit_directions

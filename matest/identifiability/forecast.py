@@ -13,11 +13,12 @@ from torch import Tensor
 
 from matest.capture import Capture, Samples
 from matest.capture.samples import TILE
-from matest.error_bars import ErrorBars, parameter_estimates
+from matest.error_bars import ErrorBars
 from matest.estimation import worth_freeing
 from matest.estimators import Problem, Solution, Statistics, accumulate
 from matest.estimators.moments import scores
 from matest.identifiability.plan import photographed
+from matest.parameter_estimates import parameter_estimates
 from matest.result import ParameterEstimate
 from matest.specification import Specification, freed
 from matest.uncertainty import fisher

@@ -1,0 +1,112 @@
+"""Channels and photographs that say nothing that others have not said."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from torch import Tensor
+
+from matest.scene.lights import DirectionalLight, Light, PointLight
+
+if TYPE_CHECKING:
+    from matest.capture.capture import Capture
+
+# Pixels that are compared before all of them are.
+_GLANCE = 1024
+
+
+def without_copies(capture: Capture) -> Capture:
+    """The capture with one channel where all its channels are copies of it: a grey image stored as a coloured one.
+
+    Their noise is the same too; taken for independent it would count as often as there are channels.
+    """
+    if capture.channels == 1 or not all(_alike(tensor) for tensor in _colours(capture)):
+        return capture
+    calibration = [part for part in (capture.encoding.black, capture.encoding.flat) if isinstance(part, np.ndarray)]
+    for part in (*capture.stored, *calibration):
+        if not all(_equal(part[:, 0], part[:, channel]) for channel in range(1, part.shape[1])):
+            return capture
+    scene, encoding = capture.scene, capture.encoding
+    wavelength = None if scene.wavelength is None else scene.wavelength[:1]
+    lights = tuple(tuple(_first_channel(light) for light in lights) for lights in scene.lights)
+    black = encoding.black[:, :1] if isinstance(encoding.black, np.ndarray) else encoding.black
+    flat = None if encoding.flat is None else encoding.flat[:, :1]
+    return replace(
+        capture,
+        stored=tuple(np.ascontiguousarray(pixels[:, :1]) for pixels in capture.stored),
+        scene=replace(scene, lights=lights, ambient=scene.ambient[:, :1], wavelength=wavelength),
+        encoding=replace(encoding, black=black, flat=flat),
+        copies=capture.channels - 1,
+    )
+
+
+def idle(capture: Capture, images: Iterable[int]) -> dict[int, str]:
+    """Of some images those that add nothing to the others, and why.
+
+    No light falls in them, or they are a photograph that is there already, pixel by pixel and under the same light.
+    """
+    found: dict[int, str] = {}
+    kept: list[int] = []
+    for image in images:
+        twin = next((other for other in kept if _same(capture, image, other)), None)
+        if not _lit(capture, image):
+            found[image] = "no light falls in it"
+        elif twin is not None:
+            found[image] = f"it is the photograph {capture.names[twin]} once more"
+        else:
+            kept.append(image)
+    return found
+
+
+def _lit(capture: Capture, image: int) -> bool:
+    lights = capture.scene.lights[image]
+    return bool((capture.scene.ambient[image] > 0).any()) or any(bool((_power(light) > 0).any()) for light in lights)
+
+
+def _same(capture: Capture, image: int, other: int) -> bool:
+    """Whether two images are one photograph under the same light."""
+    scene = capture.scene
+    if capture.exposures[image] != capture.exposures[other] or len(scene.lights[image]) != len(scene.lights[other]):
+        return False
+    if not _equal(capture.stored[image], capture.stored[other]):
+        return False
+    pairs = zip(scene.lights[image], scene.lights[other], strict=True)
+    alike = all(
+        type(one) is type(two) and _place(one).equal(_place(two)) and _power(one).equal(_power(two))
+        for one, two in pairs
+    )
+    return alike and bool(scene.ambient[image].equal(scene.ambient[other]))
+
+
+def _equal(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether two arrays are the same; most are told apart by a few of their values."""
+    step = max(len(one) // _GLANCE, 1)
+    return np.array_equal(one[::step], other[::step]) and np.array_equal(one, other)
+
+
+def _colours(capture: Capture) -> list[Tensor]:
+    """What the capture knows of every channel [..., C], beside its pixels."""
+    scene = capture.scene
+    wavelength = [] if scene.wavelength is None else [scene.wavelength]
+    return [scene.ambient, *wavelength, *(_power(light) for lights in scene.lights for light in lights)]
+
+
+def _alike(values: Tensor) -> bool:
+    return bool((values == values[..., :1]).all())
+
+
+def _power(light: Light) -> Tensor:
+    return light.irradiance if isinstance(light, DirectionalLight) else light.intensity
+
+
+def _place(light: Light) -> Tensor:
+    return light.direction if isinstance(light, DirectionalLight) else light.position
+
+
+def _first_channel(light: Light) -> Light:
+    if isinstance(light, PointLight):
+        return replace(light, intensity=light.intensity[:1])
+    return replace(light, irradiance=light.irradiance[:1])

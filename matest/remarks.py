@@ -1,0 +1,217 @@
+"""What is said of an estimate: how the fit went, what was not computed, and what deserves a word of warning."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import torch
+
+from matest.brdf import Sum
+from matest.capture import Samples
+from matest.capture.samples import BLOCKS
+from matest.error_bars import ErrorBars
+from matest.estimators import Solution
+from matest.parameter_estimates import known_by_ratio, seen_together
+from matest.result import ParameterEstimate
+from matest.specification import Specification
+from matest.uncertainty import fisher
+
+# Worth a word of warning: less than this share of the mask is geometry, a fit worse than this (not by noise alone, of
+# which there are no so many outliers), or more outliers.
+_COVERED, _POOR, _SOME_OUTLIERS, _MANY_OUTLIERS = 0.5, 0.15, 0.001, 0.005
+# An image is odd where the misfit of the others falls to less than this share without it; of fewer none can be called
+# so.
+_ODD, _FEW = 0.5, 3
+
+
+def message(solution: Solution, bars: ErrorBars) -> str:
+    """How the fit went, as a sentence."""
+    if not solution.converged:
+        return (
+            f"Not converged: after {solution.iterations} passes the next step would still move the estimate by "
+            f"{solution.last_step:.2g} standard errors."
+        )
+    if bars.holds:
+        return f"Converged; the model describes the images to their noise (χ² per value {bars.chi2:.2f})."
+    if bars.kind == "fisher":
+        return f"Converged; residuals are {math.sqrt(bars.chi2):.3g} times the noise, error bars scaled by that."
+    return f"Converged; the model does not hold to the noise ({bars.reason}), so error bars come from the {bars.kind}."
+
+
+def skipped(samples: Samples, solution: Solution, idle: Mapping[int, str], held_out: int) -> dict:
+    """What was not computed, and why; counts of pixels are over all images.
+
+    Args:
+        samples: those of the images that were worked on.
+        solution: what they gave.
+        idle: images that add nothing to the others, and why.
+        held_out: number of images left out of the fit.
+    """
+    work, problem, capture = [], solution.problem, samples.capture
+    work += [f"image {image} ({capture.names[image]}): {reason}" for image, reason in idle.items()]
+    if capture.copies:
+        work.append(f"{capture.copies} channels: they are copies of the first in every image")
+    statistics = solution.statistics
+    merged = max(int(statistics.total("samples") - statistics.total("evaluated")), 0)
+    if merged:
+        work.append(
+            f"shading of {merged:,} pixels: over smooth squares of 7×7 or 21×21 it is bilinear or biquadratic, four or "
+            "nine samples carry what all say"
+        )
+    unread = len(samples) - int(statistics.total("samples"))
+    if unread > 0:
+        work.append(f"reading {unread:,} samples: the others give the precision asked for")
+    scene = capture.scene
+    if scene.surface.mesh is not None and scene.surface.mesh.convex:
+        work.append("shadow rays: the mesh is convex and cannot shadow itself")
+    elif scene.surface.convex:
+        work.append("shadow rays: a sphere cannot shadow itself")
+    elif scene.surface.mesh is None:
+        work.append("shadow rays: no mesh, cast shadows are unknown")
+    if not bool((scene.ambient > 0).any()):
+        work.append("ambient light: there is none")
+        values = problem.values(solution.unknowns)
+        alike = all(values[name].numel() == 1 for name in problem.shaping)
+        if alike and all(len(lights) == 1 for lights in scene.lights) and scene.channels > 1:
+            work.append("colour: each image has one light, shapes are evaluated once for all channels")
+    for name in problem.held:
+        if name.endswith("diffuse") and isinstance(problem.brdf, Sum) and float(problem.held[name]) == 0:
+            work.append(f"{name}: another component is the diffuse one")
+    every = scene.surface.shape[0] * scene.surface.shape[1]
+    counts = {"redundant": merged, "unread": max(unread, 0), "idle": len(idle) * every, "held_out": held_out * every}
+    return {"components": [], "samples": {**samples.skipped, **counts}, "work": work}
+
+
+def _imprecise(parameters: Mapping[str, ParameterEstimate], precision: float | None) -> list[str]:
+    """What could not be estimated to the precision asked for."""
+    errors = {
+        name: max(abs(std / value) for value, std in _numbers(parameter) if value and std is not None)
+        for name, parameter in parameters.items()
+        if parameter.status == "determined" and any(value and std is not None for value, std in _numbers(parameter))
+    }
+    missed = [f"{name} ({error:.2g})" for name, error in errors.items() if precision is not None and error > precision]
+    if not missed:
+        return []
+    missed += [f"{name} (not at all)" for name, found in parameters.items() if found.status == "not determined"]
+    return [f"All pixels together do not give the precision of {precision:g} that was asked for: {', '.join(missed)}."]
+
+
+def _numbers(parameter: ParameterEstimate) -> list[tuple[float | None, float | None]]:
+    """Value and standard error of every channel."""
+    value, std = parameter.value, parameter.std
+    if isinstance(value, list) and isinstance(std, list):
+        return list(zip(value, std, strict=True))
+    return [(value, std)] if not isinstance(value, list) and not isinstance(std, list) else []
+
+
+def warnings(
+    samples: Samples,
+    specification: Specification,
+    solution: Solution,
+    parameters: Mapping[str, ParameterEstimate],
+    bars: ErrorBars,
+    idle: Mapping[int, str],
+    precision: float | None,
+) -> list[str]:
+    """What a user should know of an estimate, in sentences.
+
+    Args:
+        samples: that it was made from.
+        specification: what was asked for.
+        solution, parameters, bars: what came out.
+        idle: images that add nothing to the others, and why.
+        precision: that was asked for.
+    """
+    out = []
+    capture = samples.capture
+    relative_rmse = solution.statistics.relative_rmse
+    if capture.relative:
+        out.append(
+            "The common scale of the lights is unknown (relative radiometry): albedo is reported up to that scale."
+        )
+    for name in specification.default_held:
+        beside = " beside the strength of the highlight" if name.endswith("f0") else ""
+        out.append(
+            f"{name} is held at {float(solution.problem.held[name]):g}: these images do not determine it{beside}; "
+            f"--free {name} estimates it all the same, --fix {name}=VALUE sets it."
+        )
+    for name, parameter in parameters.items():
+        f0 = name.removesuffix(name.rpartition(".")[2]) + "f0"
+        declared = solution.problem.brdf.declared.get(name)
+        if declared is None or f0 not in specification.default_held or parameter.status != "at bound":
+            continue
+        values = solution.problem.values(solution.unknowns)[name]
+        if bool((values >= declared.domain.upper).any()) and name in solution.problem.factors:
+            out.append(
+                f"{name} is at its upper end: with {f0} held at {float(solution.problem.held[f0]):g} no lobe is bright "
+                f"enough; give the surface's own, --fix {f0}=VALUE (a metal's is near 1)."
+            )
+    for name in specification.assumed:
+        value = float(solution.problem.held[name])
+        unit = solution.problem.declared(name).unit
+        where = "the lights" if name.endswith("solid_angle") else "[camera]"
+        out.append(f"{name} is taken as {value:g} {unit}: {where} of the capture should say it.")
+    surface = capture.scene.surface
+    if surface.coverage < _COVERED:
+        out.append(
+            f"The geometry covers only {surface.coverage:.0%} of the mask: check the camera and the mesh's units."
+        )
+    if capture.copies:
+        out.append("The channels of every image are copies of each other: one is worked on, and reported.")
+    out += [f"Image {image} ({capture.names[image]}) is left out: {reason}." for image, reason in idle.items()]
+    odd = None if bars.holds else _odd_image(solution)
+    if odd is not None:
+        out.append(
+            f"Most of the misfit comes from {capture.names[samples.images[odd]]}: check its light, its exposure and "
+            "whether it shows the same object."
+        )
+    empty = [capture.names[k] for k, count in zip(samples.images, samples.counts, strict=True) if not count]
+    if empty:
+        out.append(f"{', '.join(empty)} gives no usable pixel: is its light behind the object, or the image clipped?")
+    if solution.statistics.outliers > _MANY_OUTLIERS:
+        out.append(
+            f"{solution.statistics.outliers:.1%} of the values lie too far from the model to be noise and were left "
+            "out: dust, highlights or shadows that model and geometry do not have?"
+        )
+    if relative_rmse > _POOR and (not bars.holds or solution.statistics.outliers > _SOME_OUTLIERS):
+        out.append(
+            f"The model misses the images by {relative_rmse:.0%}: check encoding.transfer, the directions of the "
+            "lights, and that normals have y up and z toward the viewer, or try another model."
+        )
+    lost = [name for name, parameter in parameters.items() if parameter.status == "not determined"]
+    lost = [name for name in lost if not known_by_ratio(solution.problem, name)]
+    locked = [name for name in lost if name in seen_together(solution, bars)]
+    if len(locked) > 1:
+        out.append(f"{' and '.join(locked)} are not determined: these images see only a combination of them; fix one.")
+    alone = [name for name in lost if len(locked) < 2 or name not in locked]
+    if alone:
+        out.append(f"{' and '.join(alone)} {'are' if len(alone) > 1 else 'is'} not determined by these images.")
+    if not bars.holds and bars.kind == "fisher":
+        out.append("There are too few pixels for error bars that allow for the misfit of the model.")
+    if not capture.noise_given:
+        noise = capture.noise
+        out.append(f"Noise was estimated from the images: read {noise.read:.2g}, gain {noise.gain:.2g} of full scale.")
+    return out + _imprecise(parameters, precision)
+
+
+def _odd_image(solution: Solution) -> int | None:
+    """The position of the one image without which the others are met far better; None where there is none.
+
+    Without it every other unknown moves by a Gauss-Newton step.
+    """
+    images = solution.statistics.grouped(BLOCKS)
+    if len(images) < _FEW:
+        return None
+    total, slope = images.information, images.gradient
+    costs, values = images.column("cost"), images.column("values")
+    left = []
+    for image in range(len(images)):
+        information, gradient = total - images.informations[image], slope - images.gradients[image]
+        everything = torch.ones(len(total), dtype=torch.bool)
+        gain = float(gradient @ fisher(information, everything).matrix @ gradient)
+        left.append(float(costs.sum() - costs[image] - gain) / max(float(values.sum() - values[image]), 1.0))
+    chi2 = float(costs.sum()) / max(float(values.sum()), 1.0)
+    best = min(range(len(left)), key=lambda image: left[image])
+    # What noise leaves is no misfit.
+    return int(images.labels[best]) if left[best] - 1 < _ODD * (chi2 - 1) else None
