@@ -104,6 +104,25 @@ def test_adding_the_advised_light_to_a_frontal_one_brings_what_was_predicted(nam
         assert gain == pytest.approx(float(brought[0]), rel=0.2)
 
 
+def test_the_advice_tells_what_is_estimated_once_the_light_determines_it() -> None:
+    where = Studio(size=80, lights=((directional((0.0, 0.0, 1.0), 3.0),),), noise=Noise(0.001, 0.0001))
+    glossy = {"diffuse": 0.3, "specular": 0.8, "slope": 0.1}
+    material = model("cook-torrance")[0].replace({name: torch.tensor(value) for name, value in glossy.items()})
+    light = check(where.photograph(material, 1), "cook-torrance", at=glossy).light
+    assert light is not None
+    assert set(light.frees) == {*glossy, "f0"}
+    both = replace(where, lights=(*where.lights, (directional(light.direction, *light.irradiance),)))
+    found = [matest.estimate(both.photograph(material, seed), "cook-torrance").parameters for seed in range(3)]
+    for name, std in light.frees.items():
+        # Errors go with the square of f0, which these images know to a tenth.
+        brought = np.median([np.ravel(estimate[name].std)[0] for estimate in found])
+        assert np.ravel(std)[0] == pytest.approx(brought, rel=0.4)
+    # With f0 said there is nothing to free.
+    held = check(where.photograph(material, 1), "cook-torrance", at=glossy, constraints=Constraints({"f0": 0.04})).light
+    assert held is not None
+    assert held.frees == {}
+
+
 def test_no_other_direction_does_much_better_than_the_advised_one() -> None:
     where, advice = frontal("oren-nayar")
     assert advice.light is not None

@@ -13,15 +13,16 @@ from torch import Tensor
 
 from matest.capture import Capture, Samples
 from matest.errors import InputError
+from matest.estimation import worth_freeing
 from matest.identifiability.forecast import Forecast, as_estimated, forecast, unknowns_at, usable
-from matest.identifiability.next_light import NextLight, next_light
+from matest.identifiability.next_light import NextLight, next_light, with_light
 from matest.identifiability.plan import Plan, exposed
 from matest.identifiability.reasons import Nearness, Reasons
 from matest.parameter_estimates import known_by_ratio, numerator_of, reported_name
 from matest.parameters import Domain
 from matest.result import Number, ParameterEstimate
 from matest.shader import gathered_light, lit_directions
-from matest.specification import Constraints, Specification, Value, by_path, specify
+from matest.specification import Constraints, Specification, Value, by_path, freed, specify
 
 SCHEMA = "matest.check/1"
 # What is checked of a capture when no model is named: the largest that `auto` tries.
@@ -72,6 +73,8 @@ class LightAdvice:
         gain: by how much the standard error of each parameter shrinks (2: half as large); None where it was or stays
             undetermined.
         resolves: parameters that become determined.
+        frees: standard errors of all parameters if those that are held by default, and determined with the light, are
+            estimated too, as `estimate` then does; empty where there are none.
     """
 
     direction: tuple[float, float, float]
@@ -82,6 +85,7 @@ class LightAdvice:
     worst: tuple[float, float]
     gain: dict[str, float | None]
     resolves: list[str]
+    frees: dict[str, Number]
 
 
 @dataclass(frozen=True)
@@ -177,7 +181,7 @@ def check(
         capture=capture.name,
         model=problem.brdf.replace(values).expression,
         parameters=_predictions(spread, Reasons(found, nearness, relative), Reasons(wider, nearness, relative)),
-        light=None if advised is None else _advice(found, advised),
+        light=None if advised is None else _advice(found, advised, _freeing(capture, specification, wider, advised)),
         images=len(capture),
         samples=len(samples),
         skipped=samples.skipped,
@@ -311,7 +315,25 @@ def _among(relative: Sequence[float]) -> tuple[float, float | None] | None:
     return smallest, largest if math.isfinite(largest) else None
 
 
-def _advice(before: Forecast, light: NextLight) -> LightAdvice:
+def _freeing(capture: Capture, specification: Specification, wider: Forecast, light: NextLight) -> dict[str, Number]:
+    """Standard errors with one more light, where it makes `estimate` free what it holds by default now."""
+    held = [name for name in specification.default_held if name in wider.problem.free]
+    if not held:
+        return {}
+    there = with_light(capture, wider, light)
+    chosen = worth_freeing(there.problem, held, there.unknowns, there.information)
+    if not chosen or worth_freeing(wider.problem, held, wider.unknowns, wider.information) == chosen:
+        return {}
+    problem = freed(specification, chosen).problem
+    values = there.problem.values(there.unknowns)
+    samples = usable(capture, problem, unknowns_at(problem, values))
+    found = with_light(capture, forecast(samples, problem, unknowns_at(problem, values)), light).estimates()
+    if any(_lost(found[reported_name(problem, name)]) for name in problem.free):
+        return {}
+    return {label: found[label].std for label in (reported_name(problem, name) for name in problem.free)}
+
+
+def _advice(before: Forecast, light: NextLight, frees: dict[str, Number]) -> LightAdvice:
     then, now = before.estimates(), light.after.estimates()
     free = before.problem.free
     told = {name: reported_name(before.problem, name) for name in free}
@@ -330,6 +352,7 @@ def _advice(before: Forecast, light: NextLight) -> LightAdvice:
         worst=(before.worst[1], light.after.worst[1]),
         gain=gain,
         resolves=[name for name in told.values() if _lost(then[name]) and not _lost(now[name])],
+        frees=frees,
     )
 
 

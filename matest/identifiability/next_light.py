@@ -74,6 +74,12 @@ def next_light(
     return best
 
 
+def with_light(capture: Capture, before: Forecast, light: NextLight) -> Forecast:
+    """A forecast for the capture's photographs and that under one more light."""
+    direction, power = (torch.tensor(x, dtype=torch.float64) for x in (light.direction, light.irradiance))
+    return before + _one_more(capture, DirectionalLight(direction, power), before)
+
+
 def hemisphere(axis: Tensor, count: int, farthest: float) -> list[Tensor]:
     """`count` unit vectors spread evenly over those within `farthest` degrees of the unit vector `axis`."""
     seed = torch.tensor([1.0, 0.0, 0.0] if abs(float(axis[0])) < 0.9 else [0.0, 1.0, 0.0], dtype=torch.float64)

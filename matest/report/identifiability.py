@@ -43,6 +43,8 @@ def check_report(check: Check) -> Group:
     parts.append(_advice(check.light))
     if check.light is not None:
         parts.append(_with_light(check, check.light))
+        if check.light.frees:
+            parts.append(_freed(check, check.light))
     if several:
         spans = [f"{name} {low:.3g} to {high:.3g}" for name, (low, *_, high) in check.levels.items()]
         parts.append(Text(f"Range: over {', '.join(spans)}; --at NAME=VALUE predicts for another value."))
@@ -68,6 +70,18 @@ def _with_light(check: Check, light: LightAdvice) -> Table:
         change = "becomes determined" if name in light.resolves else "-" if gain is None else f"{gain:.3g} ×"
         table.add_row(name, _error(now), _error(Prediction(now.value, std, None, None, now.unit, "")), change)
     return table
+
+
+def _freed(check: Check, light: LightAdvice) -> Text:
+    """What is estimated with the light that is taken for granted now."""
+    new = [name for name in light.frees if check.parameters[name].status == "held"]
+    errors = [f"{name} ± {std:.2g}" for name, number in light.frees.items() if (std := _largest(number)) is not None]
+    fixes = " ".join(f"--fix {name}=VALUE" for name in new)
+    return Text(
+        f"With it {' and '.join(new)} will be estimated too, no longer taken for granted: {', '.join(errors)}. "
+        f"{fixes} keeps the errors of the table.",
+        style="yellow",
+    )
 
 
 def _advice(light: LightAdvice | None) -> Text:
