@@ -25,10 +25,22 @@ _LOG_ROOT_TWO_PI = 0.5 * math.log(2 * math.pi)
 
 
 class Readout(NamedTuple):
-    """Noise of an image in radiance: variance = read + gain·radiance; tensors [1 or n, 1 or C]."""
+    """Noise of an image in radiance: variance = read + gain·radiance + rounding·radiance^power.
+
+    Tensors [1 or n, 1 or C]. The last term is that of integers that are not proportional to light, such as sRGB's.
+    """
 
     read: Tensor
     gain: Tensor
+    rounding: Tensor = torch.zeros(1, 1)
+    power: Tensor = torch.ones(1, 1)
+
+    def variance(self, radiance: Tensor) -> Tensor:
+        """Noise variance of a pixel of this true `radiance` [n, C]."""
+        signal = radiance.clamp(min=0)
+        variance = self.read + self.gain * signal
+        # Differentiable at black too.
+        return variance + self.rounding * signal.clamp(min=1e-12) ** self.power if self.rounding.any() else variance
 
 
 class Limits(NamedTuple):
@@ -158,7 +170,7 @@ class Batch:
 
     def variance(self, radiance: Tensor) -> Tensor:
         """Noise variance of a pixel of this true `radiance` [n, C]."""
-        return self.readout.read + self.readout.gain * radiance.clamp(min=0)
+        return self.readout.variance(radiance)
 
     def weight(self, radiance: Tensor) -> Tensor:
         """Inverse variance of samples of this true `radiance` [n, C]; 0 where the measured value is clipped."""

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from matest.capture.batch import TRUSTED, Batch, Merged, Tier
+from matest.capture.batch import TRUSTED, Batch, Merged, Readout, Tier
 from matest.capture.layout import (
     NINE,
     NODES,
@@ -128,7 +128,7 @@ class Patches:
     def _clean(self, image: int, middles: np.ndarray, values: Tensor, largest: Tensor) -> Tensor:
         """Patches whose pixels are all near the bilinear part and far from the ends of the sensor's range."""
         readout, limits = self.samples.readout(image, middles), self.samples.limits(image, middles)
-        variance = readout.read.cpu() + readout.gain.cpu() * values.mean(0).clamp(min=0)
+        variance = Readout(*(part.cpu() for part in readout)).variance(values.mean(0))
         far = TRUSTED * self._misfit * variance.sqrt()
         clean = largest <= far
         if limits is not None:

@@ -128,17 +128,25 @@ def steps(transfer: str | float, top: int) -> np.ndarray:
 def quantisation(encoding: Encoding, dtype: np.dtype) -> float:
     """Standard deviation of rounding to the stored integers, linear fractions of full scale, at black.
 
-    A linear encoding has the same at every level; of others `rounding` is what it is more.
+    A linear encoding has the same at every level; of others `rounding` is what grows with the signal.
     """
     return float(steps(encoding.transfer, int(full_scale(dtype)))[0]) / math.sqrt(12) if dtype.kind == "u" else 0.0
 
 
-def rounding(encoding: Encoding, stored: np.ndarray) -> np.ndarray | None:
-    """Variance of rounding beyond that of `quantisation` at stored values [n, C]; None where it is no more anywhere."""
-    if stored.dtype.kind != "u" or encoding.transfer == "linear":
-        return None
-    widths = steps(encoding.transfer, int(full_scale(stored.dtype)))
-    return np.asarray((widths[stored] ** 2 - widths[0] ** 2).clip(0) / 12)
+def rounding(encoding: Encoding, dtype: np.dtype) -> tuple[float, float]:
+    """c and p of the variance c·signal^p of rounding beyond `quantisation`, fractions of full scale; or 0 and 1.
+
+    sRGB's curve and power laws have steps that are a power of the signal themselves (sRGB's from 0.003 of full scale).
+    """
+    if dtype.kind != "u" or encoding.transfer == "linear":
+        return 0.0, 1.0
+    slope, power = (2.4 / 1.055, 1.4 / 2.4) if encoding.transfer == "srgb" else _power_law(float(encoding.transfer))
+    return (slope / full_scale(dtype)) ** 2 / 12, 2 * power
+
+
+def _power_law(gamma: float) -> tuple[float, float]:
+    """Factor and power of the derivative of code^gamma, by the signal."""
+    return gamma, max(1 - 1 / gamma, 0.0)
 
 
 def estimate_noise(
@@ -156,7 +164,7 @@ def estimate_noise(
         images: linear signals H×W×C, fractions of full scale.
         valid: H×W×C, True where a pixel is of the object and not clipped; only windows of 3×3 such pixels count.
         floor: smallest read noise believed (quantisation).
-        step: distance of neighbouring values at a signal; what it is more than at black makes no part of the noise.
+        step: distance of neighbouring values at a signal; rounding beyond the floor makes no part of the noise.
     """
     import cv2
 
@@ -184,8 +192,8 @@ def estimate_noise(
     # Median of |N(0, 1)| = 0.6745; the mask has gain 6.
     y = np.array([(np.median(spread[bins == b]) / (6 * 0.6745)) ** 2 for b in used])
     widths = np.array([np.square(dither[bins == b]).mean() for b in used])
-    # Less the dither, and the rounding that `rounding` knows.
-    y = (y - widths / (12 * 36) - (widths - step(np.zeros(1)) ** 2).clip(0) / 12).clip(0)
+    # Less the dither, and the rounding that the floor has not.
+    y = (y - widths / (12 * 36) - (widths / 12 - floor**2).clip(0)).clip(0)
     return _line(x, y, counts[used], floor)
 
 

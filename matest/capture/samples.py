@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
@@ -22,7 +23,8 @@ if TYPE_CHECKING:
 
 TILE = 65_536
 # Where cast shadows are unknown, a pixel counts only where its surroundings are this much read noise above black.
-_DARK = 3.0
+# Rounding counts with that of mid-tones, a quarter of that of white.
+_DARK, _MIDDLE = 3.0, 0.25
 # Samples are grouped into blocks of pixels, whose errors may be correlated: this many across and down an image.
 _BLOCKS_ACROSS = 4
 BLOCKS = _BLOCKS_ACROSS**2
@@ -117,7 +119,9 @@ class Samples:
             return np.zeros(len(surface), dtype=bool)
         signal = surface.image(capture.encoding.signal(capture.stored[image], slice(None)).astype(np.float32))
         mean = cv2.blur(signal, (3, 3)).reshape(-1, capture.channels)[surface.pixels]
-        return (mean < _DARK * capture.noise.read).all(axis=1)
+        codes = capture.stored[image].dtype
+        typical = float(rounding(capture.encoding, codes)[0] * _MIDDLE)
+        return (mean < _DARK * math.hypot(capture.noise.read, math.sqrt(typical))).all(axis=1)
 
     @property
     def skipped(self) -> dict[str, int]:
@@ -188,9 +192,13 @@ class Samples:
         scale = np.full((1, 1), capture.encoding.scale / capture.exposures[image])
         if flat is not None:
             scale = scale / flat[index]
-        read = capture.noise.read**2
-        rounded = rounding(capture.encoding, capture.stored[image][index])
-        values = ((read if rounded is None else read + rounded) * scale**2, capture.noise.gain * scale)
+        rounded, power = rounding(capture.encoding, capture.stored[image].dtype)
+        values = (
+            (capture.noise.read * scale) ** 2,
+            capture.noise.gain * scale,
+            rounded * scale ** (2 - power),
+            np.full((1, 1), power),
+        )
         return Readout(*(as_tensor(value, self.dtype, self.device) for value in values))
 
     def tiles(self, size: int = TILE) -> Iterator[Batch]:
