@@ -35,6 +35,8 @@ Out = Annotated[Path | None, typer.Option("-o", "--out", help="Where to write.",
 
 # Of typer's own in some versions, of click in others.
 _UsageError: Any = typer.BadParameter.__base__
+# What typer makes of a KeyboardInterrupt.
+_INTERRUPTED = 130
 
 app.command(epilog="Example: matest check renders/vase --model oren-nayar --at sigma=0.5")(check)
 app.command(epilog="Example: matest benchmark --suite stress --quick")(benchmark)
@@ -43,7 +45,7 @@ app.command(epilog="Example: matest benchmark --suite stress --quick")(benchmark
 def main() -> None:
     """Run the command: exit code 0, 1 (the work failed) or 2 (bad input)."""
     try:
-        sys.exit(app(prog_name="matest", standalone_mode=False))
+        code = app(prog_name="matest", standalone_mode=False)
     except InputError as error:
         _fail(str(error), 2)
     except _UsageError as error:
@@ -51,7 +53,10 @@ def main() -> None:
     except OSError as error:
         _fail(f"{error.filename or 'file system'}: {error.strerror or error}.", 1)
     except KeyboardInterrupt:
-        _fail("interrupted; nothing was written.", 1)
+        code = _INTERRUPTED
+    if code == _INTERRUPTED:
+        _fail("interrupted; what was not finished was not written.", 1)
+    sys.exit(code)
 
 
 @app.command(epilog="Example: matest estimate renders/vase --model oren-nayar")

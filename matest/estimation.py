@@ -13,7 +13,7 @@ from torch import Tensor
 
 from matest.brdf import Brdf
 from matest.capture import Capture, Samples
-from matest.capture.idle import idle
+from matest.capture.idle import idle, without_copies
 from matest.error_bars import error_bars
 from matest.errors import InputError
 from matest.estimators import AllTiles, Problem, Solution, accumulate, fit
@@ -70,9 +70,13 @@ def estimate(
     clock = time.perf_counter()
     if precision is not None and not 0 < precision < 1:
         raise InputError(f"precision is a relative standard error, such as 0.001, between 0 and 1; got {precision}.")
-    constraints = Constraints(fix or {}, tuple(free), tie or {})
+    given, told = capture, fix or {}
+    capture, told = _one_channel(capture, told)
     images = _fitted_images(capture, holdout)
     passed = idle(capture, images)
+    if len(passed) == len(images):
+        raise InputError(f"{capture.name}: the lights of every image are stated to give no light; correct irradiance.")
+    constraints = Constraints(told, tuple(free), tie or {})
     samples = capture.samples([image for image in images if image not in passed], device=device)
     if not len(samples):
         raise InputError(_no_samples(capture, samples))
@@ -116,7 +120,7 @@ def estimate(
     )
     left_out = None
     if holdout:
-        left_out = {"images": sorted(set(holdout)), "relative_rmse": relative_error(capture, material, set(holdout))}
+        left_out = {"images": sorted(set(holdout)), "relative_rmse": relative_error(given, material, set(holdout))}
     # Noise belongs to the fit: reading is decoding, geometry is normals, rays and directions.
     fit_s = time.perf_counter() - clock + capture.timing.get("noise", 0.0)
     return Estimate(
@@ -206,6 +210,20 @@ def _widened(wider: Problem, solution: Solution) -> Tensor:
     """The unknowns of a problem with more free parameters at the values of a solution."""
     values = solution.problem.values(solution.unknowns)
     return torch.cat([torch.atleast_1d(values[name]).expand(wider.count(name)) for name in wider.free])
+
+
+def _one_channel(capture: Capture, fix: Mapping[str, Value]) -> tuple[Capture, Mapping[str, Value]]:
+    """The capture without channels that are copies of each other, and the values that are fixed for it.
+
+    Values that differ between channels belong to channels that do.
+    """
+    if any(len({*value}) > 1 for value in fix.values() if not isinstance(value, int | float)):
+        return capture, fix
+    reduced = without_copies(capture)
+    if reduced is capture:
+        return capture, fix
+    several = {name: value for name, value in fix.items() if not isinstance(value, int | float)}
+    return reduced, {**fix, **{name: value[0] for name, value in several.items() if len(value) == capture.channels}}
 
 
 def _fitted_images(capture: Capture, holdout: Sequence[int]) -> tuple[int, ...]:

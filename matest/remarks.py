@@ -20,9 +20,8 @@ from matest.uncertainty import fisher
 # Worth a word of warning: less than this share of the mask is geometry, a fit worse than this (not by noise alone, of
 # which there are no so many outliers), or more outliers.
 _COVERED, _POOR, _SOME_OUTLIERS, _MANY_OUTLIERS = 0.5, 0.15, 0.001, 0.005
-# An image is odd where the misfit of the others falls to less than this share without it; of fewer none can be called
-# so.
-_ODD, _FEW = 0.5, 3
+# An image is odd where χ² per value, above the first, falls below the second without it; of fewer images none is.
+_MISFIT, _MET, _FEW = 1.5, 1.1, 3
 
 
 def message(solution: Solution, bars: ErrorBars) -> str:
@@ -160,11 +159,11 @@ def warnings(
     if capture.copies:
         out.append("The channels of every image are copies of each other: one is worked on, and reported.")
     out += [f"Image {image} ({capture.names[image]}) is left out: {reason}." for image, reason in idle.items()]
-    odd = None if bars.holds else _odd_image(solution)
+    odd = None if bars.holds or bars.chi2 < _MISFIT else _odd_image(solution)
     if odd is not None:
         out.append(
-            f"Most of the misfit comes from {capture.names[samples.images[odd]]}: check its light, its exposure and "
-            "whether it shows the same object."
+            f"Without {capture.names[samples.images[odd]]} the model would describe the images: check its light, its "
+            "exposure and whether it shows the same object."
         )
     empty = [capture.names[k] for k, count in zip(samples.images, samples.counts, strict=True) if not count]
     if empty:
@@ -196,7 +195,7 @@ def warnings(
 
 
 def _odd_image(solution: Solution) -> int | None:
-    """The position of the one image without which the others are met far better; None where there is none.
+    """The position of the one image without which the others are met to their noise; None where there is none.
 
     Without it every other unknown moves by a Gauss-Newton step.
     """
@@ -211,7 +210,5 @@ def _odd_image(solution: Solution) -> int | None:
         everything = torch.ones(len(total), dtype=torch.bool)
         gain = float(gradient @ fisher(information, everything).matrix @ gradient)
         left.append(float(costs.sum() - costs[image] - gain) / max(float(values.sum() - values[image]), 1.0))
-    chi2 = float(costs.sum()) / max(float(values.sum()), 1.0)
     best = min(range(len(left)), key=lambda image: left[image])
-    # What noise leaves is no misfit.
-    return int(images.labels[best]) if left[best] - 1 < _ODD * (chi2 - 1) else None
+    return int(images.labels[best]) if left[best] < _MET else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 import torch
 from torch import Tensor
@@ -59,7 +60,7 @@ def specify(
     """
     brdf, bracketed = model(expression)
     freed = {resolve(brdf, name) for name in constraints.free}
-    told = {**bracketed, **by_path(brdf, constraints.fix, freed)}
+    told = by_path(brdf, {**bracketed, **constraints.fix}, freed)
     fixed = {name: _value(brdf, name, value, channels) for name, value in told.items()}
     ties = {resolve(brdf, name): resolve(brdf, source) for name, source in constraints.tie.items()}
     for name, source in ties.items():
@@ -140,13 +141,19 @@ def resolve(brdf: Brdf, name: str, others: Collection[str] = ()) -> str:
     )
 
 
-def by_path(brdf: Brdf, given: Mapping[str, Value], free: Collection[str] = ()) -> dict[str, Value]:
+def by_path(
+    brdf: Brdf,
+    given: Mapping[str, Value],
+    free: Collection[str] = (),
+    held: Mapping[str, Tensor] = MappingProxyType({}),
+) -> dict[str, Value]:
     """Values by path. A ratio of two lengths (`slope_ratio`) gives the lower one beside the upper as given or held.
 
     Args:
         brdf: whose parameters they are.
         given: by name or path.
         free: paths of parameters that are not held.
+        held: values of parameters that are, by path.
 
     Raises:
         InputError: no such parameter, or several; a ratio that the lower length's domain does not hold.
@@ -162,7 +169,8 @@ def by_path(brdf: Brdf, given: Mapping[str, Value], free: Collection[str] = ()) 
             lower, upper = ratios[ratio]
             if lower in out:
                 raise InputError(f"{name} and {lower} say the same; give one of them.")
-            length = out.get(upper, None if upper in free else brdf.declared[upper].held)
+            default = float(held[upper]) if upper in held else brdf.declared[upper].held
+            length = out.get(upper, None if upper in free else default)
             if not isinstance(value, int | float) or not isinstance(length, int | float):
                 raise InputError(f"{name} takes one number, and {upper} has to be fixed beside it.")
             domain = brdf.declared[lower].domain

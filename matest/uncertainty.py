@@ -47,10 +47,10 @@ def fisher(information: Tensor, free: Tensor) -> Covariance:
     index = free.nonzero()[:, 0]
     if len(index):
         inside = information[index][:, index]
-        scale = _units(inside)
+        scale, told = _units(inside)
         values, vectors = torch.linalg.eigh(inside * scale[:, None] * scale[None, :])
         lost = (values < _SINGULAR) | (values < 1e-12 * values.max())
-        undetermined[index] = (vectors[:, lost].abs() > _PARTICIPATES).any(1) | (inside.diagonal() <= 0)
+        undetermined[index] = (vectors[:, lost].abs() > _PARTICIPATES).any(1) | ~told
         kept = vectors[:, ~lost] / values[~lost].sqrt()
         inverse[index[:, None], index[None, :]] = (kept @ kept.T) * scale[:, None] * scale[None, :]
         lose = undetermined.nonzero()[:, 0]
@@ -59,11 +59,14 @@ def fisher(information: Tensor, free: Tensor) -> Covariance:
     return Covariance(inverse, undetermined)
 
 
-def _units(information: Tensor) -> Tensor:
-    """1/√ of the diagonal [P]; 1 for what the data say nothing of, whose rows rounding alone may have filled."""
+def _units(information: Tensor) -> tuple[Tensor, Tensor]:
+    """1/√ of the diagonal [P], and of which unknowns the data say anything.
+
+    It is 0 for the others, whose rows rounding alone may have filled.
+    """
     diagonal = information.diagonal()
     told = diagonal > 1e-30 * diagonal.abs().max()
-    return torch.where(told, diagonal.clamp(min=1e-300).rsqrt(), 1.0)
+    return torch.where(told, diagonal.clamp(min=1e-300).rsqrt(), 0.0), told
 
 
 def error_of(information: Tensor, direction: Tensor) -> float | None:
@@ -71,9 +74,10 @@ def error_of(information: Tensor, direction: Tensor) -> float | None:
 
     A combination may be well determined though none of its unknowns is.
     """
-    scale = _units(information)
+    scale, _ = _units(information)
     values, vectors = torch.linalg.eigh(information * scale[:, None] * scale[None, :])
-    along = vectors.T @ (direction * scale)
+    # In units of the scaled unknowns; one that nothing is known of takes part as it is.
+    along = vectors.T @ torch.where(scale > 0, direction * scale, direction)
     lost = (values < _SINGULAR) | (values < 1e-12 * values.max())
     if float(along[lost].norm()) > _PARTICIPATES * float(along.norm()):
         return None

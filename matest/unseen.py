@@ -62,9 +62,10 @@ def unseen_amplitudes(solution: Solution, bars: ErrorBars) -> set[str]:
 
 
 def locked_with_unseen(solution: Solution, bars: ErrorBars) -> frozenset[int]:
-    """Positions of unknowns whose error bars hold only for the value of one that the images say nothing of there.
+    """Positions of unknowns whose error bars hold only for the value of one without effect there, to first order.
 
-    A conductor's k has no effect to first order where it is 0, and n looks well known beside it.
+    Of such a one the images say nothing where it stands, or no more than that it may be at its bound (`bars.flat`): a
+    conductor's k is one near 0, and n looks well known beside it.
     """
     problem, best = solution.problem, solution.statistics
     width, std = problem.upper - problem.lower, bars.covariance.std
@@ -78,7 +79,7 @@ def locked_with_unseen(solution: Solution, bars: ErrorBars) -> frozenset[int]:
         end = high if high - value > value - low else low
         places = [value + share * (end - value) for share in _PLACES]
         if position in bars.flat:
-            places = [low, low + bars.flat[position]]
+            places = [low + bars.flat[position], *([low] if value > low else [])]
         for place in places:
             moved = solution.unknowns.clone()
             moved[position] = place

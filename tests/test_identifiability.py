@@ -110,17 +110,18 @@ def test_the_advice_tells_what_is_estimated_once_the_light_determines_it() -> No
     material = model("cook-torrance")[0].replace({name: torch.tensor(value) for name, value in glossy.items()})
     light = check(where.photograph(material, 1), "cook-torrance", at=glossy).light
     assert light is not None
-    assert set(light.frees) == {*glossy, "f0"}
+    assert light.frees == ["f0"]
+    assert set(light.freed) == {*glossy, "f0"}
     both = replace(where, lights=(*where.lights, (directional(light.direction, *light.irradiance),)))
     found = [matest.estimate(both.photograph(material, seed), "cook-torrance").parameters for seed in range(3)]
-    for name, std in light.frees.items():
+    for name, std in light.freed.items():
         # Errors go with the square of f0, which these images know to a tenth.
         brought = np.median([np.ravel(estimate[name].std)[0] for estimate in found])
         assert np.ravel(std)[0] == pytest.approx(brought, rel=0.4)
     # With f0 said there is nothing to free.
     held = check(where.photograph(material, 1), "cook-torrance", at=glossy, constraints=Constraints({"f0": 0.04})).light
     assert held is not None
-    assert held.frees == {}
+    assert (held.frees, held.freed) == ([], {})
 
 
 def test_no_other_direction_does_much_better_than_the_advised_one() -> None:

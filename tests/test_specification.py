@@ -182,8 +182,14 @@ def test_a_ratio_that_results_report_can_be_fixed() -> None:
     assert "correlation_length" not in found.problem.free
     beside = specified("li-torrance", fix={"slope_ratio": 0.25, "height_rms": 0.5})
     assert float(beside.problem.held["correlation_length"]) == 2.0
+    bracketed = specified("li-torrance(height_rms=2)", fix={"slope_ratio": 0.5})
+    assert float(bracketed.problem.held["correlation_length"]) == 4.0
     inside = specified("lambert+li-torrance", fix={"slope_ratio": 0.25})
     assert float(inside.problem.held["li-torrance.correlation_length"]) == 4.0
+
+
+def test_a_ratio_and_a_length_in_brackets_say_the_same() -> None:
+    assert "the same" in refusal(lambda: specified("li-torrance(correlation_length=3)", fix={"slope_ratio": 0.3}))
 
 
 @pytest.mark.parametrize(

@@ -91,6 +91,12 @@ def test_what_rounding_leaves_of_a_parameter_without_influence_hides_nothing(res
     assert float(covariance.std[0]) == pytest.approx(3e7**-0.5)
     direction = torch.tensor([1.0, 0.0, 0.0], dtype=DOUBLE)
     assert error_of(matrix, direction) == pytest.approx(3e7**-0.5)
+    assert error_of(matrix, torch.tensor([0.0, 1.0, 0.0], dtype=DOUBLE)) is None
+    # Whatever the units of the rest.
+    assert fisher(torch.diag(torch.tensor([1e24, 1e-7], dtype=DOUBLE)), everything(2)).undetermined.tolist() == [
+        False,
+        True,
+    ]
 
 
 def test_an_undetermined_direction_hides_nothing_that_is_determined() -> None:

@@ -17,7 +17,6 @@ import torch
 
 from matest.capture import schema
 from matest.capture.assembly import Folder, build_encoding, build_scene, build_surface
-from matest.capture.idle import without_copies
 from matest.capture.images import full_scale, read_image
 from matest.capture.photometry import FLOAT_FLOOR, Encoding, Noise, estimate_noise, quantisation, steps
 from matest.capture.samples import Samples
@@ -47,7 +46,7 @@ class Capture:
         folder: where it lies.
         others: capture.toml and the other files it refers to.
         timing: seconds spent reading images, building geometry and estimating noise.
-        copies: channels of the files that are copies of the one that is kept.
+        copies: channels that have been left out as copies of the one that is there (`without_copies`).
     """
 
     name: str
@@ -113,8 +112,7 @@ def load_capture(
 ) -> Capture:
     """Read a capture: a folder with a `capture.toml`, or that file.
 
-    Images are decoded once and in parallel; shadows are traced where the object can shadow itself. Of channels that
-    are copies of each other, in all images and lights, one is kept.
+    Images are decoded once and in parallel; shadows are traced where the object can shadow itself.
 
     Args:
         path: folder or file.
@@ -153,21 +151,19 @@ def load_capture(
     stored = _decode(paths, first, surface.pixels, progress)
     read_s += time.perf_counter() - clock
     _check_noise(tables.noise, str(file))
-    capture = without_copies(
-        Capture(
-            name=file.parent.absolute().name,
-            scene=scene,
-            stored=stored,
-            encoding=encoding,
-            exposures=tuple(table.exposure for table in tables.image),
-            noise=Noise(0.0, 0.0),
-            noise_given=tables.noise is not None,
-            relative=tables.encoding.radiometry == "relative" or not powers_known,
-            folder=folder.path,
-            files=tuple(paths),
-            others=(file, *(folder.file(name, key) for key, name in references(tables))),
-            timing={"read": read_s, "geometry": geometry_s},
-        )
+    capture = Capture(
+        name=file.parent.absolute().name,
+        scene=scene,
+        stored=stored,
+        encoding=encoding,
+        exposures=tuple(table.exposure for table in tables.image),
+        noise=Noise(0.0, 0.0),
+        noise_given=tables.noise is not None,
+        relative=tables.encoding.radiometry == "relative" or not powers_known,
+        folder=folder.path,
+        files=tuple(paths),
+        others=(file, *(folder.file(name, key) for key, name in references(tables))),
+        timing={"read": read_s, "geometry": geometry_s},
     )
     clock = time.perf_counter()
     noise = _noise(capture, tables.noise)

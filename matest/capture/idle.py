@@ -46,14 +46,15 @@ def without_copies(capture: Capture) -> Capture:
 def idle(capture: Capture, images: Iterable[int]) -> dict[int, str]:
     """Of some images those that add nothing to the others, and why.
 
-    No light falls in them, or they are a photograph that is there already, pixel by pixel and under the same light.
+    No light falls in them as they state it, or they are a photograph that is there already, pixel by pixel and under
+    the same light.
     """
     found: dict[int, str] = {}
     kept: list[int] = []
     for image in images:
         twin = next((other for other in kept if _same(capture, image, other)), None)
         if not _lit(capture, image):
-            found[image] = "no light falls in it"
+            found[image] = "its lights are stated to give none"
         elif twin is not None:
             found[image] = f"it is the photograph {capture.names[twin]} once more"
         else:
@@ -75,7 +76,10 @@ def _same(capture: Capture, image: int, other: int) -> bool:
         return False
     pairs = zip(scene.lights[image], scene.lights[other], strict=True)
     alike = all(
-        type(one) is type(two) and _place(one).equal(_place(two)) and _power(one).equal(_power(two))
+        type(one) is type(two)
+        and _place(one).equal(_place(two))
+        and _power(one).equal(_power(two))
+        and one.solid_angle == two.solid_angle
         for one, two in pairs
     )
     return alike and bool(scene.ambient[image].equal(scene.ambient[other]))

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from matest.capture import Batch
 from matest.capture.batch import TRUSTED
-from matest.estimators.levenberg_marquardt import Solution, bounded_step
+from matest.estimators.levenberg_marquardt import Solution, bounded_step, seen
 from matest.estimators.linearise import accumulate
 from matest.estimators.moments import Statistics
 from matest.estimators.problem import Problem
@@ -64,7 +64,8 @@ def single_step(start: Solution, statistics: Statistics) -> Solution | None:
     problem, unknowns = start.problem, start.unknowns
     change = bounded_step(problem, unknowns, statistics.information, statistics.gradient)
     arrived = statistics.moved(change)
-    if arrived.reduced_chi2 > _HOLDS:
+    length = math.sqrt(max(float(change @ statistics.information @ change), 0.0) / arrived.misfit)
+    if arrived.reduced_chi2 > _HOLDS or not seen(problem, unknowns, change, length):
         return None
     target = radiances(problem, unknowns + change)
     _, batches = settled(problem, [tile() for group in start.tiles for tile in group], unknowns)

@@ -60,8 +60,8 @@ def first_guesses(problem: Problem, batches: list[Batch], start: Tensor | None) 
     guesses = [guess for guess in guesses if math.isfinite(implausibility(guess))]
     if not guesses:
         raise InputError(
-            f"{problem.brdf.expression} gives no finite radiance that could be compared with the images; try another "
-            "model."
+            f"{problem.brdf.expression} cannot be compared with the images: the misfit is not finite, whatever its "
+            "parameters; check the noise and the images, or try another model."
         )
     distinct: list[Solution] = []
     for guess in sorted(guesses, key=implausibility):

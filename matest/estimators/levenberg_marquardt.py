@@ -118,14 +118,14 @@ def bounded_step(
     return position - unknowns
 
 
-def _seen(problem: Problem, unknowns: Tensor, step: _Step) -> bool:
+def seen(problem: Problem, unknowns: Tensor, change: Tensor, length: float) -> bool:
     """Whether the data see where a step leads: it moves no unknown by its whole domain for every standard error.
 
     One that does goes along a direction in which the model is flat here, and may not be there.
     """
     width = problem.upper - problem.lower
     width = torch.where(torch.isfinite(width), width, 1 + unknowns.abs())
-    return bool((step.change.abs() <= max(step.length, _ROUNDING_STEP) * width).all())
+    return bool((change.abs() <= max(length, _ROUNDING_STEP) * width).all())
 
 
 def minimise(
@@ -154,7 +154,9 @@ def minimise(
     for iteration in range(1, passes):
         if step.length < (tolerance if growth == 2.0 else min(tolerance, _DAMPED)):
             # The step itself is free: where it leads, the next one would be shorter by its square.
-            change = share * step.change if _seen(problem, unknowns, step) else torch.zeros_like(unknowns)
+            change = share * step.change
+            if not seen(problem, unknowns, step.change, step.length):
+                change = torch.zeros_like(unknowns)
             return Solution(problem, unknowns + change, statistics, iteration, step.length, True)
         chi2 = statistics.total("cost")
         promise = share * step.slope - share**2 * step.curvature

@@ -73,8 +73,8 @@ class LightAdvice:
         gain: by how much the standard error of each parameter shrinks (2: half as large); None where it was or stays
             undetermined.
         resolves: parameters that become determined.
-        frees: standard errors of all parameters if those that are held by default, and determined with the light, are
-            estimated too, as `estimate` then does; empty where there are none.
+        frees: parameters that are held by default now, and that `estimate` frees with the light.
+        freed: standard errors of all parameters then; empty where there are none such.
     """
 
     direction: tuple[float, float, float]
@@ -85,7 +85,8 @@ class LightAdvice:
     worst: tuple[float, float]
     gain: dict[str, float | None]
     resolves: list[str]
-    frees: dict[str, Number]
+    frees: list[str]
+    freed: dict[str, Number]
 
 
 @dataclass(frozen=True)
@@ -195,7 +196,7 @@ def check(
 def _assumed(specification: Specification, at: Mapping[str, Value]) -> dict[str, Tensor]:
     """Values given for the prediction, by path."""
     problem, out = specification.problem, {}
-    for path, value in by_path(problem.brdf, at).items():
+    for path, value in by_path(problem.brdf, at, held=problem.held).items():
         if path in problem.ties or (path in problem.held and path not in specification.default_held):
             raise InputError(f"{path} is fixed or tied and not estimated; leave out its assumed value.")
         tensor = torch.as_tensor(value, dtype=torch.float64)
@@ -315,25 +316,27 @@ def _among(relative: Sequence[float]) -> tuple[float, float | None] | None:
     return smallest, largest if math.isfinite(largest) else None
 
 
-def _freeing(capture: Capture, specification: Specification, wider: Forecast, light: NextLight) -> dict[str, Number]:
-    """Standard errors with one more light, where it makes `estimate` free what it holds by default now."""
+def _freeing(
+    capture: Capture, specification: Specification, wider: Forecast, light: NextLight
+) -> tuple[list[str], dict[str, Number]]:
+    """What one more light makes `estimate` free that it holds by default now, and the standard errors then."""
     held = [name for name in specification.default_held if name in wider.problem.free]
     if not held:
-        return {}
+        return [], {}
     there = with_light(capture, wider, light)
     chosen = worth_freeing(there.problem, held, there.unknowns, there.information)
     if not chosen or worth_freeing(wider.problem, held, wider.unknowns, wider.information) == chosen:
-        return {}
+        return [], {}
     problem = freed(specification, chosen).problem
     values = there.problem.values(there.unknowns)
     samples = usable(capture, problem, unknowns_at(problem, values))
     found = with_light(capture, forecast(samples, problem, unknowns_at(problem, values)), light).estimates()
     if any(_lost(found[reported_name(problem, name)]) for name in problem.free):
-        return {}
-    return {label: found[label].std for label in (reported_name(problem, name) for name in problem.free)}
+        return [], {}
+    return chosen, {label: found[label].std for label in (reported_name(problem, name) for name in problem.free)}
 
 
-def _advice(before: Forecast, light: NextLight, frees: dict[str, Number]) -> LightAdvice:
+def _advice(before: Forecast, light: NextLight, freeing: tuple[list[str], dict[str, Number]]) -> LightAdvice:
     then, now = before.estimates(), light.after.estimates()
     free = before.problem.free
     told = {name: reported_name(before.problem, name) for name in free}
@@ -352,7 +355,8 @@ def _advice(before: Forecast, light: NextLight, frees: dict[str, Number]) -> Lig
         worst=(before.worst[1], light.after.worst[1]),
         gain=gain,
         resolves=[name for name in told.values() if _lost(then[name]) and not _lost(now[name])],
-        frees=frees,
+        frees=freeing[0],
+        freed=freeing[1],
     )
 
 

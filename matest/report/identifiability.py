@@ -44,7 +44,7 @@ def check_report(check: Check) -> Group:
     if check.light is not None:
         parts.append(_with_light(check, check.light))
         if check.light.frees:
-            parts.append(_freed(check, check.light))
+            parts.append(_freed(check.light))
     if several:
         spans = [f"{name} {low:.3g} to {high:.3g}" for name, (low, *_, high) in check.levels.items()]
         parts.append(Text(f"Range: over {', '.join(spans)}; --at NAME=VALUE predicts for another value."))
@@ -72,13 +72,12 @@ def _with_light(check: Check, light: LightAdvice) -> Table:
     return table
 
 
-def _freed(check: Check, light: LightAdvice) -> Text:
+def _freed(light: LightAdvice) -> Text:
     """What is estimated with the light that is taken for granted now."""
-    new = [name for name in light.frees if check.parameters[name].status == "held"]
-    errors = [f"{name} ± {std:.2g}" for name, number in light.frees.items() if (std := _largest(number)) is not None]
-    fixes = " ".join(f"--fix {name}=VALUE" for name in new)
+    errors = [f"{name} ± {std:.2g}" for name, number in light.freed.items() if (std := _largest(number)) is not None]
+    fixes = " ".join(f"--fix {name}=VALUE" for name in light.frees)
     return Text(
-        f"With it {' and '.join(new)} will be estimated too, no longer taken for granted: {', '.join(errors)}. "
+        f"With it {' and '.join(light.frees)} will be estimated too, no longer taken for granted: {', '.join(errors)}. "
         f"{fixes} keeps the errors of the table.",
         style="yellow",
     )

@@ -13,10 +13,10 @@ from matest import load_capture
 from matest.brdf import OrenNayar
 from matest.capture import Capture
 from matest.capture.idle import idle, without_copies
-from matest.estimation import estimate
+from matest.estimation import estimate, predict
 from matest.simulate import simulate
 from tests import scenes
-from tests.captures import directional
+from tests.captures import directional, refusal
 from tests.simulated import DIRECTIONS, Studio, coloured
 
 TRUTH = OrenNayar(0.6, 0.4)
@@ -36,7 +36,7 @@ def as_colour(capture: Capture) -> Capture:
 def test_copies_of_a_channel_count_once() -> None:
     single, reduced = grey(), without_copies(as_colour(grey()))
     assert (reduced.channels, reduced.copies, reduced.scene.channels) == (1, 2, 1)
-    one, other = estimate(single, "oren-nayar"), estimate(reduced, "oren-nayar")
+    one, other = estimate(single, "oren-nayar"), estimate(as_colour(grey()), "oren-nayar")
     assert other.parameters["sigma"].std == one.parameters["sigma"].std
     assert other.parameters["albedo"].value == one.parameters["albedo"].value
     assert any("copies" in work for work in other.skipped["work"])
@@ -53,19 +53,33 @@ def test_channels_that_differ_in_one_pixel_or_in_the_light_are_kept() -> None:
     assert without_copies(capture).channels == 1
 
 
-def test_a_grey_capture_stored_in_colour_is_read_as_grey(tmp_path: Path) -> None:
+def test_a_grey_capture_stored_in_colour_is_estimated_as_grey(tmp_path: Path) -> None:
     material = scenes.material("oren-nayar", albedo=0.6, sigma=0.4)
     scenes.write(tmp_path / "scene", material, scenes.sphere(32), scenes.noise(), scenes.distant(scenes.LIGHTS[:3]))
     folder = simulate(tmp_path / "scene", tmp_path / "ball")
-    before = load_capture(folder)
-    assert (before.channels, before.copies) == (1, 0)
-    for file in before.files:
+    before = estimate(load_capture(folder), "oren-nayar", holdout=[0])
+    for file in load_capture(folder).files:
         pixels = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
         cv2.imwrite(str(file), np.repeat(pixels[..., None], 3, axis=2))
-    after = load_capture(folder)
-    assert (after.channels, after.copies) == (1, 2)
-    for one, other in zip(before.stored, after.stored, strict=True):
-        np.testing.assert_array_equal(one, other)
+    capture = load_capture(folder)
+    assert capture.channels == 3
+    after = estimate(capture, "oren-nayar", holdout=[0])
+    assert after.parameters["albedo"].value == before.parameters["albedo"].value
+    assert after.parameters["sigma"].std == pytest.approx(before.parameters["sigma"].std, rel=1e-6)
+    assert after.holdout["relative_rmse"] == pytest.approx(before.holdout["relative_rmse"])
+    # Values for every channel still say what they say.
+    even = estimate(capture, "oren-nayar", fix={"albedo": [0.6, 0.6, 0.6]})
+    assert even.parameters["albedo"].value == 0.6
+    coloured_body = estimate(capture, "oren-nayar", fix={"albedo": [0.6, 0.6, 0.5]})
+    assert coloured_body.parameters["albedo"].value == [0.6, 0.6, 0.5]
+    predicted, errors = predict(OrenNayar([0.6, 0.6, 0.6], 0.4), capture)
+    assert predicted.shape[-1] == 3
+    assert max(errors) < 0.1
+
+
+def test_a_capture_without_any_light_is_refused() -> None:
+    dark = Studio(size=32, lights=((directional(DIRECTIONS[0], 0.0),),)).photograph(TRUTH, seed=1)
+    assert "correct irradiance" in refusal(lambda: estimate(dark, "lambert"))
 
 
 def test_the_same_photograph_twice_is_one() -> None:
@@ -108,7 +122,7 @@ def test_an_image_without_light_adds_nothing() -> None:
     capture = Studio(size=32, lights=lights).photograph(TRUTH, seed=1)
     assert list(idle(capture, range(3))) == [2]
     found = estimate(capture, "oren-nayar")
-    assert any("no light falls" in warning for warning in found.warnings)
+    assert any("stated to give none" in warning for warning in found.warnings)
     counts = found.skipped["samples"]
     every = counts["background"] + counts["rim"] + counts["shadowed"] + counts["idle"] + found.fit.samples
     assert every == 3 * 32 * 32
