@@ -20,8 +20,9 @@ from matest.uncertainty import fisher
 # Worth a word of warning: less than this share of the mask is geometry, a fit worse than this (not by noise alone, of
 # which there are no so many outliers), or more outliers.
 _COVERED, _POOR, _SOME_OUTLIERS, _MANY_OUTLIERS = 0.5, 0.15, 0.001, 0.005
-# An image is odd where χ² per value, above the first, falls below the second without it; of fewer images none is.
-_MISFIT, _MET, _FEW = 1.5, 1.1, 3
+# An image is odd where χ² per value, above the first, falls without it below the second, or to less than this share: a
+# model that fits none of them does not fit the others. Of fewer images none is odd.
+_MISFIT, _MET, _SHARE, _FEW = 1.5, 1.1, 0.1, 3
 
 
 def message(solution: Solution, bars: ErrorBars) -> str:
@@ -29,7 +30,8 @@ def message(solution: Solution, bars: ErrorBars) -> str:
     if not solution.converged:
         return (
             f"Not converged: after {solution.iterations} passes the next step would still move the estimate by "
-            f"{solution.last_step:.2g} standard errors."
+            f"{solution.last_step:.2g} standard errors"
+            + ("." if bars.holds else f", and the model does not hold to the noise ({bars.reason}).")
         )
     if bars.holds:
         return f"Converged; the model describes the images to their noise (χ² per value {bars.chi2:.2f})."
@@ -138,7 +140,7 @@ def warnings(
     for name, parameter in parameters.items():
         f0 = name.removesuffix(name.rpartition(".")[2]) + "f0"
         declared = solution.problem.brdf.declared.get(name)
-        if declared is None or f0 not in specification.default_held or parameter.status != "at bound":
+        if declared is None or f0 not in specification.default_held or parameter.status != "at bound" or bars.holds:
             continue
         values = solution.problem.values(solution.unknowns)[name]
         if bool((values >= declared.domain.upper).any()) and name in solution.problem.factors:
@@ -161,9 +163,10 @@ def warnings(
     out += [f"Image {image} ({capture.names[image]}) is left out: {reason}." for image, reason in idle.items()]
     odd = None if bars.holds or bars.chi2 < _MISFIT else _odd_image(solution)
     if odd is not None:
+        image = samples.images[odd[0]]
         out.append(
-            f"Without {capture.names[samples.images[odd]]} the model would describe the images: check its light, its "
-            "exposure and whether it shows the same object."
+            f"Without image {image} ({capture.names[image]}) χ² per value would fall from {bars.chi2:.3g} to "
+            f"{odd[1]:.2g}: check its light, its exposure and whether it shows the same object."
         )
     empty = [capture.names[k] for k, count in zip(samples.images, samples.counts, strict=True) if not count]
     if empty:
@@ -194,8 +197,8 @@ def warnings(
     return out + _imprecise(parameters, precision)
 
 
-def _odd_image(solution: Solution) -> int | None:
-    """The position of the one image without which the others are met to their noise; None where there is none.
+def _odd_image(solution: Solution) -> tuple[int, float] | None:
+    """The position of the one image without which the others are met far better, and χ² per value then; or None.
 
     Without it every other unknown moves by a Gauss-Newton step.
     """
@@ -211,4 +214,5 @@ def _odd_image(solution: Solution) -> int | None:
         gain = float(gradient @ fisher(information, everything).matrix @ gradient)
         left.append(float(costs.sum() - costs[image] - gain) / max(float(values.sum() - values[image]), 1.0))
     best = min(range(len(left)), key=lambda image: left[image])
-    return int(images.labels[best]) if left[best] < _MET else None
+    chi2 = float(costs.sum()) / max(float(values.sum()), 1.0)
+    return (int(images.labels[best]), left[best]) if left[best] < max(_MET, _SHARE * chi2) else None

@@ -82,7 +82,12 @@ def test_one_photograph_of_something_else_is_named() -> None:
     black = [pixels.copy() for pixels in capture.stored]
     black[3][:] = 0
     spoilt = matest.estimate(dataclasses.replace(capture, stored=tuple(black)), "cook-torrance", fix=FIX)
-    assert any(f"Without {capture.names[3]}" in warning for warning in spoilt.warnings)
+    assert any(f"Without image 3 ({capture.names[3]})" in warning for warning in spoilt.warnings)
+    # Of three too, where the rest is far from linear.
+    three = Studio(size=64, lights=STUDIO.lights[:3]).photograph(OrenNayar(0.7, 0.6), seed=1)
+    black = [three.stored[0], np.zeros_like(three.stored[1]), three.stored[2]]
+    spoilt = matest.estimate(dataclasses.replace(three, stored=tuple(black)), "oren-nayar")
+    assert any("Without image 1" in warning for warning in spoilt.warnings)
     # A model that fits none of them is not an image's fault, nor is noise that is overstated.
     wrong = matest.estimate(capture, "lambert")
     assert wrong.fit.reduced_chi2 > 1.5
