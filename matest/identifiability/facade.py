@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,6 @@ from torch import Tensor
 
 from matest.capture import Capture, Samples
 from matest.errors import InputError
-from matest.estimation import worth_freeing
 from matest.identifiability.forecast import Forecast, as_estimated, forecast, unknowns_at, usable
 from matest.identifiability.next_light import NextLight, next_light, with_light
 from matest.identifiability.plan import Plan, exposed
@@ -22,7 +22,7 @@ from matest.parameter_estimates import known_by_ratio, numerator_of, reported_na
 from matest.parameters import Domain
 from matest.result import Number, ParameterEstimate
 from matest.shader import gathered_light, lit_directions
-from matest.specification import Constraints, Specification, Value, by_path, freed, specify
+from matest.specification import Constraints, Specification, Value, by_path, specify
 
 SCHEMA = "matest.check/1"
 # What is checked of a capture when no model is named: the largest that `auto` tries.
@@ -176,13 +176,18 @@ def check(
         progress("trying other roughnesses", None, None)
         there = unknowns_at(found.problem, changed)
         spread.append(forecast(usable(capture, found.problem, there), found.problem, there))
-    advised = next_light(capture, found, progress)
+    advised, light = next_light(capture, found, progress), None
+    if advised is not None:
+        after = advised.after
+        if wider.problem.free != found.problem.free:
+            after, _ = as_estimated(samples, specification, values, partial(with_light, capture, light=advised))
+        light = _advice(found, advised, after)
     relative = capture.relative
     return Check(
         capture=capture.name,
         model=problem.brdf.replace(values).expression,
         parameters=_predictions(spread, Reasons(found, nearness, relative), Reasons(wider, nearness, relative)),
-        light=None if advised is None else _advice(found, advised, _freeing(capture, specification, wider, advised)),
+        light=light,
         images=len(capture),
         samples=len(samples),
         skipped=samples.skipped,
@@ -316,27 +321,11 @@ def _among(relative: Sequence[float]) -> tuple[float, float | None] | None:
     return smallest, largest if math.isfinite(largest) else None
 
 
-def _freeing(
-    capture: Capture, specification: Specification, wider: Forecast, light: NextLight
-) -> tuple[list[str], dict[str, Number]]:
-    """What one more light makes `estimate` free that it holds by default now, and the standard errors then."""
-    held = [name for name in specification.default_held if name in wider.problem.free]
-    if not held:
-        return [], {}
-    there = with_light(capture, wider, light)
-    chosen = worth_freeing(there.problem, held, there.unknowns, there.information)
-    if not chosen or worth_freeing(wider.problem, held, wider.unknowns, wider.information) == chosen:
-        return [], {}
-    problem = freed(specification, chosen).problem
-    values = there.problem.values(there.unknowns)
-    samples = usable(capture, problem, unknowns_at(problem, values))
-    found = with_light(capture, forecast(samples, problem, unknowns_at(problem, values)), light).estimates()
-    if any(_lost(found[reported_name(problem, name)]) for name in problem.free):
-        return [], {}
-    return chosen, {label: found[label].std for label in (reported_name(problem, name) for name in problem.free)}
-
-
-def _advice(before: Forecast, light: NextLight, freeing: tuple[list[str], dict[str, Number]]) -> LightAdvice:
+def _advice(before: Forecast, light: NextLight, estimated: Forecast) -> LightAdvice:
+    """What a light brings, by the forecast before, and that of what `estimate` will free with it."""
+    frees = [name for name in estimated.problem.free if name not in before.problem.free]
+    estimates = estimated.estimates()
+    labels = [reported_name(estimated.problem, name) for name in estimated.problem.free]
     then, now = before.estimates(), light.after.estimates()
     free = before.problem.free
     told = {name: reported_name(before.problem, name) for name in free}
@@ -355,8 +344,8 @@ def _advice(before: Forecast, light: NextLight, freeing: tuple[list[str], dict[s
         worst=(before.worst[1], light.after.worst[1]),
         gain=gain,
         resolves=[name for name in told.values() if _lost(then[name]) and not _lost(now[name])],
-        frees=freeing[0],
-        freed=freeing[1],
+        frees=frees,
+        freed={label: estimates[label].std for label in labels} if frees else {},
     )
 
 

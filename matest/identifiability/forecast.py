@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -129,22 +129,28 @@ def forecast(samples: Samples, problem: Problem, unknowns: Tensor) -> Forecast:
 
 
 def as_estimated(
-    samples: Samples, specification: Specification, values: Mapping[str, Tensor]
+    samples: Samples,
+    specification: Specification,
+    values: Mapping[str, Tensor],
+    beside: Callable[[Forecast], Forecast] = lambda found: found,
 ) -> tuple[Forecast, Forecast]:
     """The forecast of what `estimate` will free, and the one with everything free that is held by default.
 
-    A parameter held by default is freed where these images determine it.
+    A parameter held by default is freed where these images determine it, with those that `beside` adds to a forecast.
     """
+
+    def predicted(problem: Problem) -> Forecast:
+        return beside(forecast(samples, problem, unknowns_at(problem, values)))
+
     problem = specification.problem
-    alone = forecast(samples, problem, unknowns_at(problem, values))
+    alone = predicted(problem)
     if not specification.default_held:
         return alone, alone
-    wider = freed(specification, specification.default_held).problem
-    everything = forecast(samples, wider, unknowns_at(wider, values))
-    chosen = worth_freeing(wider, specification.default_held, everything.unknowns, everything.information)
+    everything = predicted(freed(specification, specification.default_held).problem)
+    chosen = worth_freeing(everything.problem, specification.default_held, everything.unknowns, everything.information)
     freer = freed(specification, chosen).problem
     if freer.free == problem.free:
         return alone, everything
-    found = forecast(samples, freer, unknowns_at(freer, values))
+    found = predicted(freer)
     lost = any(estimate.status == "not determined" for estimate in found.estimates().values())
     return alone if lost else found, everything
