@@ -42,6 +42,7 @@ class ErrorBars:
             domain the truth may lie.
         intervals: of 95 %, of the unknowns at or near a bound.
         locked: positions of unknowns that move with one that the images say nothing of where it stands.
+        bent: positions of unknowns along a valley of the likelihood that bends within their standard errors.
     """
 
     covariance: Covariance
@@ -54,6 +55,7 @@ class ErrorBars:
     flat: dict[int, float] = field(default_factory=dict)
     intervals: dict[int, tuple[float, float]] = field(default_factory=dict)
     locked: frozenset[int] = frozenset()
+    bent: frozenset[int] = frozenset()
 
     @property
     def reason(self) -> str:

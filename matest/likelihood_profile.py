@@ -1,4 +1,4 @@
-"""Intervals of unknowns near an end of their domain: by the profile of the likelihood, every other unknown refitted."""
+"""Intervals of unknowns near a bound or in a bent valley: by the profile of the likelihood, all others refitted."""
 
 from __future__ import annotations
 
@@ -12,12 +12,15 @@ from matest.estimators.separable import passes_over
 
 # χ² that a value may cost inside a 95 % interval: away from every bound, and at a bound that no estimate can pass.
 _TWO_SIDED, _ONE_SIDED = 3.841458820694124, 2.705543454095414
-# Passes to refit the others, until they move by less than so many standard errors.
-_PASSES, _SETTLED = 4, 0.2
+# Passes to refit the others, along a bent valley, until they move by less than so many standard errors.
+_PASSES, _SETTLED = 12, 0.05
 # Values tried for an end of an interval, until their cost is within this share of the one that is looked for.
-_TRIALS, _CLOSE = 5, 0.1
+_TRIALS, _CLOSE = 16, 0.1
 # The cost rises with the distance to a power between these; one trial moves the end by no more than this factor.
 _POWERS, _STRIDE = (1.0, 8.0), 5.0
+# Beyond a bend it is a wall: between a value that costs too little and one that costs too much no trial comes nearer to
+# either than this share, until that is so small a share of the interval.
+_MARGIN, _NARROW = 0.25, 0.02
 
 
 @dataclass(frozen=True)
@@ -28,11 +31,13 @@ class Rise:
         value: of the unknown.
         cost: χ² above its minimum, the other unknowns refitted.
         slope: its derivative by the value.
+        refit: the other unknowns there.
     """
 
     value: float
     cost: float
     slope: float
+    refit: Solution
 
 
 @dataclass(frozen=True)
@@ -57,18 +62,18 @@ class Profile:
     unit: float
     flat: bool
 
-    def at(self, value: float) -> Rise:
-        """Refit the other unknowns with this one at `value`."""
-        best = self.best
-        pinned = replace(best.problem, pinned={self.position: value})
-        information, gradient = best.statistics.information, best.statistics.gradient
-        start = best.unknowns.clone()
+    def at(self, value: float, near: Solution | None = None) -> Rise:
+        """Refit the other unknowns with this one at `value`, starting from a refit near it; None: from the optimum."""
+        near = near or self.best
+        pinned = replace(near.problem, pinned={self.position: value})
+        information, gradient = near.statistics.information, near.statistics.gradient
+        start = near.unknowns.clone()
         start[self.position] = value
         # Where the quadratic model expects them.
-        start = start + bounded_step(pinned, start, information, gradient - information @ (start - best.unknowns))
+        start = start + bounded_step(pinned, start, information, gradient - information @ (start - near.unknowns))
         found = minimise(pinned, start, self.evaluate, passes=_PASSES, tolerance=_SETTLED)
         slope = -2 * float(found.statistics.gradient[self.position])
-        return Rise(value, (_lowest(found) - _lowest(best)) / self.unit, slope / self.unit)
+        return Rise(value, (_lowest(found) - _lowest(self.best)) / self.unit, slope / self.unit, found)
 
     def interval(self, spread: float) -> tuple[float, float]:
         """Lower and upper end of the 95 % interval; `spread` is a guess of its half-width."""
@@ -87,22 +92,33 @@ class Profile:
 
     def _end(self, start: float, first: float, limit: float, threshold: float | None) -> float:
         """The value between `start` and `limit` at which χ² has risen by `threshold`; None: as for one at its bound."""
-        inside = (min(start, limit), max(start, limit))
-        value = min(max(first, inside[0]), inside[1])
+        low, high = min(start, limit), max(start, limit)
+        value = min(max(first, low), high)
+        inside, outside, near = start, math.inf, self.best
         for _ in range(_TRIALS):
-            rise = self.at(value)
+            rise = self.at(value, near)
             gain = rise.slope * (value - start)
             wanted = upper_threshold(self._push(rise.cost, gain)) if threshold is None else threshold
-            if value == limit and rise.cost <= wanted:
+            if rise.cost > wanted:
+                outside = value
+            elif value == limit:
                 return limit
+            else:
+                inside, near = value, rise.refit
             # χ² = a · distance^power with the value and the slope found here.
             power = min(max(gain / rise.cost, _POWERS[0]), _POWERS[1]) if rise.cost > 0 else _POWERS[1]
             factor = (wanted / max(rise.cost, 1e-12)) ** (1 / power)
             value = start + (value - start) * min(max(factor, 1 / _STRIDE), _STRIDE)
-            value = min(max(value, inside[0]), inside[1])
             if abs(rise.cost / wanted - 1) < _CLOSE:
                 break
-        return value
+            if math.isfinite(outside):
+                margin = _MARGIN * (outside - inside)
+                ends = sorted((inside + margin, outside - margin))
+                value = min(max(value, ends[0]), ends[1])
+                if abs(margin) < _NARROW * abs(outside - start):
+                    break
+            value = min(max(value, low), high)
+        return min(max(value, low), high)
 
     def _push(self, cost: float, gain: float) -> float:
         """By how many standard errors the data push an estimate at its bound outward, from the profile at one value.

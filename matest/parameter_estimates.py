@@ -12,7 +12,7 @@ from matest.estimators import Problem, Solution
 from matest.likelihood_profile import profiles
 from matest.result import ParameterEstimate
 from matest.uncertainty import error_of, fisher, quantile95
-from matest.unseen import faint, flat_at_bound, locked_with_unseen, unseen_amplitudes, widening
+from matest.unseen import bent, faint, flat_at_bound, locked_with_unseen, unseen_amplitudes, widening
 
 # No better known than a value drawn evenly from the domain (its std is width/√12): not determined.
 _KNOWS_NOTHING = 1 / math.sqrt(12)
@@ -23,11 +23,11 @@ _ANYWHERE = 0.95
 
 
 def with_profiles(solution: Solution, bars: ErrorBars) -> ErrorBars:
-    """The same error bars with the intervals of what lies at or near a bound by the profile of the likelihood.
+    """The same error bars with intervals by the profile of the likelihood near a bound and along a valley that bends.
 
     A symmetric interval says little there: the likelihood is cut, and often far from quadratic.
     """
-    bars = replace(bars, flat=flat_at_bound(solution))
+    bars = replace(bars, flat=flat_at_bound(solution), bent=bent(solution))
     bars = replace(bars, locked=locked_with_unseen(solution, bars))
     problem = solution.problem
     plain = fisher(solution.statistics.information / solution.statistics.misfit, torch.ones_like(bars.bound)).std
@@ -35,15 +35,15 @@ def with_profiles(solution: Solution, bars: ErrorBars) -> ErrorBars:
     spreads, wider_by = {}, {}
     for name, place in problem.where.items():
         found = parameter_estimate(solution, bars, name)
-        values = found.value if isinstance(found.value, list) else [found.value]
-        for position, value in zip(range(place.start, place.stop), values, strict=False):
-            std = float(bars.open.std[position])
-            if value is None:
+        told = found.value if isinstance(found.value, list) else [found.value] * (place.stop - place.start)
+        for position, told_of in zip(range(place.start, place.stop), told, strict=True):
+            value, std = float(solution.unknowns[position]), float(bars.open.std[position])
+            if told_of is None and position not in bars.bent:
                 continue
             room = float(min(value - problem.lower[position], problem.upper[position] - value))
             if position in bars.flat:
                 spreads[position], wider = bars.flat[position], widening(solution, bars)
-            elif std > 0 and room < _NEAR * std:
+            elif std > 0 and (room < _NEAR * std or position in bars.bent):
                 spreads[position], wider = quantile * std, std / float(plain[position])
             else:
                 continue
@@ -107,6 +107,8 @@ def parameter_estimate(solution: Solution, bars: ErrorBars, name: str) -> Parame
         interval = [max(domain.lower, value - reach * std), min(domain.upper, value + reach * std)]
         if position in bars.intervals:
             interval = list(bars.intervals[position])
+        if position in bars.bent & bars.intervals.keys():
+            std = (interval[1] - interval[0]) / (2 * reach)
         if flat:
             values.append(domain.lower)
             stds.append(None)

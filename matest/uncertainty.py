@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-# Eigenvalues of the scaled information below this belong to directions that the data do not determine.
-_SINGULAR = 1e-10
+# Eigenvalues of the scaled information below this belong to directions that the data do not determine: rounding of
+# shading in single precision makes up 1e-7. Below the second they hardly do.
+_SINGULAR, _WEAK = 2e-7, 1e-3
 # A parameter takes part in such a direction if it makes up more than this of it.
 _PARTICIPATES = 0.1
 
@@ -67,6 +68,21 @@ def _units(information: Tensor) -> tuple[Tensor, Tensor]:
     diagonal = information.diagonal()
     told = diagonal > 1e-30 * diagonal.abs().max()
     return torch.where(told, diagonal.clamp(min=1e-300).rsqrt(), 0.0), told
+
+
+def weak_directions(information: Tensor) -> list[tuple[Tensor, Tensor]]:
+    """Changes of the unknowns by one standard error in directions the data hardly determine, and who takes part.
+
+    Args:
+        information: JᵀWJ [P, P].
+
+    Returns:
+        For each, the change and which unknowns make up a good part of it [P].
+    """
+    scale, _ = _units(information)
+    values, vectors = torch.linalg.eigh(information * scale[:, None] * scale[None, :])
+    weak = ((values > _SINGULAR) & (values < _WEAK)).nonzero()[:, 0].tolist()
+    return [(vectors[:, k] * scale / values[k].sqrt(), vectors[:, k].abs() > _PARTICIPATES) for k in weak]
 
 
 def error_of(information: Tensor, direction: Tensor) -> float | None:

@@ -1,16 +1,18 @@
-"""What the images do not see where a solution stands: lobes that are not there, and unknowns without effect."""
+"""What the images hardly see where a solution stands: absent lobes, unknowns without effect, and bent valleys."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import torch
 
 from matest.brdf.base import factor_value, named_by
 from matest.error_bars import ErrorBars
-from matest.estimators import Solution, accumulate, bounded_step
-from matest.uncertainty import fisher, quantile95
+from matest.estimators import Solution, accumulate
+from matest.estimators.levenberg_marquardt import minimise
+from matest.uncertainty import fisher, quantile95, weak_directions
 
 # An amplitude this many standard errors above zero is seen: with a width free to be searched for, and several channels,
 # noise alone often looks like two or three.
@@ -18,6 +20,11 @@ _VISIBLE = 4.0
 # Of an unknown that the images say nothing of where it stands other values are tried, this share of its domain away.
 # What has to move by so many standard errors with it, for χ² to stay within its 95 % range, is no better known.
 _PLACES, _LOCKED, _COSTS = (0.05, 0.15, 0.45), 3.0, 3.84
+# Passes to refit the others there.
+_PASSES, _SETTLED = 12, 0.2
+# A valley bends if the information along it changes by this factor within its 95 % range; one that leaves the domain
+# within this share of that is not looked at.
+_BENDS, _ROOM = 2.0, 0.05
 
 
 def faint(solution: Solution, bars: ErrorBars, name: str) -> bool:
@@ -72,6 +79,7 @@ def locked_with_unseen(solution: Solution, bars: ErrorBars) -> frozenset[int]:
     blind = (best.information.diagonal() / best.misfit * width.square() < 1) & torch.isfinite(width)
     names = {place.start + step: name for name, place in problem.where.items() for step in range(problem.count(name))}
     found: set[int] = set()
+    evaluate = partial(accumulate, problem, tiles=solution.tiles, reference=solution.unknowns, misfit=solution.misfit)
     for position in sorted({*blind.nonzero()[:, 0].tolist(), *bars.flat}):
         if faint(solution, bars, names[position]):
             continue
@@ -83,12 +91,32 @@ def locked_with_unseen(solution: Solution, bars: ErrorBars) -> frozenset[int]:
         for place in places:
             moved = solution.unknowns.clone()
             moved[position] = place
-            there = accumulate(problem, moved, solution.tiles, solution.unknowns, solution.misfit)
             pinned = replace(problem, pinned={position: place})
-            change = bounded_step(pinned, moved, there.information, there.gradient)
-            cost = there.moved(change).total("cost") - best.total("cost")
-            if cost < _COSTS * best.misfit:
-                found |= {*((change.abs() > _LOCKED * std) & (std > 0)).nonzero()[:, 0].tolist()} - {position}
+            there = minimise(pinned, moved, evaluate, passes=_PASSES, tolerance=_SETTLED)
+            if there.statistics.total("cost") - best.total("cost") < _COSTS * best.misfit:
+                change = (there.unknowns - moved).abs()
+                found |= {*((change > _LOCKED * std) & (std > 0)).nonzero()[:, 0].tolist()} - {position}
+    return frozenset(found)
+
+
+def bent(solution: Solution) -> frozenset[int]:
+    """Positions of unknowns whose error bars, correct to first order, say nothing: a valley bends within them.
+
+    A metal's n and k are: along a curve all give the same reflectance but for its rise towards grazing angles.
+    """
+    problem, best = solution.problem, solution.statistics
+    found: set[int] = set()
+    for direction, partners in weak_directions(best.information / best.misfit):
+        for step in (quantile95(math.inf) * direction, -quantile95(math.inf) * direction):
+            room = torch.where(step > 0, problem.upper, problem.lower) - solution.unknowns
+            share = min(float((room / step)[step != 0].min()), 1.0)
+            if share < _ROOM:
+                continue
+            moved = share * step
+            there = accumulate(problem, solution.unknowns + moved, solution.tiles, solution.unknowns, solution.misfit)
+            ratio = float((moved @ there.information @ moved) / (moved @ best.information @ moved))
+            if not 1 / _BENDS < ratio < _BENDS:
+                found |= {*partners.nonzero()[:, 0].tolist()}
     return frozenset(found)
 
 

@@ -61,3 +61,17 @@ def test_intervals_of_a_nearly_smooth_surface_hold_its_sigma(degrees: float) -> 
 def test_intervals_of_a_faint_highlight_hold_its_strength(specular: float) -> None:
     material = CookTorrance(0.4, specular, 0.3)
     assert covered(material, "cook-torrance", "specular", {"slope": 0.3, "f0": 0.04}) >= FEWEST
+
+
+@pytest.mark.parametrize(("lights", "seed"), [(3, 2), (3, 6), (3, 7), (6, 6)])
+def test_intervals_along_a_bent_valley_hold_the_truth(lights: int, seed: int) -> None:
+    # n and k of a metal lie on a curve of equal reflectance: errors to first order miss the truth, by hundreds of them.
+    truth = {"eta": 1.5, "k": 3.0}
+    material = CookTorrance(0.0, 1.0, 0.2, **truth, fresnel="conductor")
+    capture = Studio(size=32, lights=Studio().lights[:lights]).photograph(material, seed)
+    found = matest.estimate(capture, material.expression, fix={"diffuse": 0.0, "specular": 1.0}).parameters
+    for name, value in truth.items():
+        if found[name].status != "not determined":
+            low, high = found[name].interval95
+            assert low <= value <= high
+    assert found["slope"].std < 0.01

@@ -13,7 +13,15 @@ from torch import Tensor
 
 from matest.brdf import Brdf, Lambert, OrenNayar
 from matest.estimation import estimate
-from matest.uncertainty import Covariance, correlation_of_residuals, error_of, fisher, jackknife, quantile95
+from matest.uncertainty import (
+    Covariance,
+    correlation_of_residuals,
+    error_of,
+    fisher,
+    jackknife,
+    quantile95,
+    weak_directions,
+)
 from tests.problems import information
 from tests.simulated import Studio
 
@@ -40,6 +48,15 @@ def test_fisher_is_the_inverse(seed: int) -> None:
     np.testing.assert_allclose(covariance.std.numpy(), scale, rtol=1e-9)
     assert not bool(covariance.undetermined.any())
     assert math.isinf(covariance.degrees)
+
+
+def test_weak_directions_are_one_standard_error_long_and_name_who_takes_part() -> None:
+    # Of the first two unknowns only the difference is well known.
+    matrix = torch.tensor([[1.0, -0.9999, 0.0], [-0.9999, 1.0, 0.0], [0.0, 0.0, 4.0]], dtype=DOUBLE)
+    ((change, partners),) = weak_directions(matrix)
+    assert float(change @ matrix @ change) == pytest.approx(1.0)
+    assert float(change[0]) == pytest.approx(float(change[1]))
+    assert partners.tolist() == [True, True, False]
 
 
 def test_parameters_at_a_bound_are_left_out_of_the_inverse() -> None:
