@@ -13,7 +13,7 @@ from matest.capture.samples import BLOCKS
 from matest.estimators import Solution, at_bound, bounded_step
 from matest.uncertainty import Covariance, correlation_of_residuals, fisher, jackknife
 
-# χ² per value above this says that the model does not hold: stated noise is exact, noise estimated from the pictures
+# Reduced χ² above this says that the model does not hold: stated noise is exact, noise estimated from the pictures
 # is known to some per cent.
 _HOLDS_STATED, _HOLDS_ESTIMATED = 1.03, 1.10
 # Scores of blocks of pixels that scatter this many times as much as independent residuals' do: not independent.
@@ -34,7 +34,7 @@ class ErrorBars:
         covariance: with parameters at a bound left out.
         open: the same with them let free: how far inside the domain the truth may lie.
         bound: unknowns at a bound [P].
-        chi2: per value.
+        chi2: per degree of freedom.
         correlation: of residuals over blocks of pixels: 1 if they are independent.
         holds: whether the model describes the images to their noise.
         kind: what the error bars rest on.
@@ -69,11 +69,12 @@ class ErrorBars:
 def error_bars(solution: Solution, capture: Capture) -> ErrorBars:
     """Error bars of a solution: Fisher's where the model holds, jackknifed ones where it does not."""
     problem, statistics = solution.problem, solution.statistics
-    chi2, scale = statistics.reduced_chi2, statistics.misfit
+    scale = statistics.misfit
     push = statistics.gradient.abs() / (statistics.information.diagonal() * scale).clamp(min=1e-300).sqrt()
     # A valley that ends at a bound does not push: what lies along it is not determined there either.
     bound = at_bound(problem, solution.unknowns, statistics.gradient) & (push > _PUSHED)
     everything = torch.ones_like(bound)
+    chi2 = statistics.total("chi2") / max(statistics.total("values") - int((~bound).sum()), 1)
     closed, opened = (fisher(statistics.information / scale, free) for free in (~bound, everything))
     correlation, by_chance = correlation_of_residuals(
         statistics.gradients / scale, statistics.informations / scale, closed

@@ -24,7 +24,7 @@ from matest.parameter_estimates import (
     reported_labels,
     with_profiles,
 )
-from matest.remarks import message, skipped, warnings
+from matest.remarks import message, skipped, unread_samples, warnings
 from matest.result import Candidate, Estimate, Fit
 from matest.selection import select
 from matest.shader import render
@@ -114,7 +114,7 @@ def estimate(
         samples_used=min(int(statistics.total("samples")), measured),
         iterations=solution.iterations,
         status="converged" if solution.converged else "not converged",
-        message=message(solution, bars),
+        message=message(solution, bars, unread_samples(samples, solution)),
         errors=bars.kind,
         outliers=statistics.outliers,
     )
@@ -133,7 +133,7 @@ def estimate(
         fit=outcome,
         relative=capture.relative,
         candidates=candidates,
-        skipped=skipped(samples, solution, passed, len(set(holdout))),
+        skipped=skipped(samples, solution, passed, len(set(holdout)), candidates),
         timing_s={**{stage: capture.timing.get(stage, 0.0) for stage in ("read", "geometry")}, "fit": fit_s},
         holdout=left_out,
         warnings=warnings(samples, specification, solution, parameters, bars, passed, precision),

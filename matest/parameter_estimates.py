@@ -6,9 +6,10 @@ import math
 from dataclasses import replace
 
 import torch
+from torch import Tensor
 
 from matest.error_bars import ErrorBars
-from matest.estimators import Problem, Solution
+from matest.estimators import Problem, Solution, accumulate
 from matest.likelihood_profile import profiles
 from matest.result import ParameterEstimate
 from matest.uncertainty import error_of, fisher, quantile95
@@ -27,10 +28,15 @@ def with_profiles(solution: Solution, bars: ErrorBars) -> ErrorBars:
 
     A symmetric interval says little there: the likelihood is cut, and often far from quadratic.
     """
-    bars = replace(bars, flat=flat_at_bound(solution), bent=bent(solution))
+    problem, reference, scale = solution.problem, solution.unknowns, solution.statistics.misfit
+
+    def elsewhere(unknowns: Tensor) -> Tensor:
+        return accumulate(problem, unknowns, solution.tiles, reference, solution.misfit).information / scale
+
+    valley = bent(problem, reference, solution.statistics.information / scale, elsewhere)
+    bars = replace(bars, flat=flat_at_bound(solution), bent=valley)
     bars = replace(bars, locked=locked_with_unseen(solution, bars))
-    problem = solution.problem
-    plain = fisher(solution.statistics.information / solution.statistics.misfit, torch.ones_like(bars.bound)).std
+    plain = fisher(solution.statistics.information / scale, torch.ones_like(bars.bound)).std
     quantile = quantile95(bars.covariance.degrees)
     spreads, wider_by = {}, {}
     for name, place in problem.where.items():

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import torch
 
-from matest.brdf import Sum
+from matest.brdf import MODELS, Sum
 from matest.capture import Samples
+from matest.capture.idle import twins
 from matest.capture.samples import BLOCKS
 from matest.error_bars import ErrorBars
 from matest.estimators import Solution
 from matest.parameter_estimates import known_by_ratio, seen_together
-from matest.result import ParameterEstimate
+from matest.result import Candidate, ParameterEstimate
 from matest.specification import Specification
 from matest.uncertainty import fisher
 
@@ -25,22 +26,30 @@ _COVERED, _POOR, _SOME_OUTLIERS, _MANY_OUTLIERS = 0.5, 0.15, 0.001, 0.005
 _MISFIT, _MET, _SHARE, _FEW = 1.5, 1.1, 0.1, 3
 
 
-def message(solution: Solution, bars: ErrorBars) -> str:
-    """How the fit went, as a sentence."""
+def message(solution: Solution, bars: ErrorBars, unread: int) -> str:
+    """How the fit went, as a sentence; `unread` samples were not needed for the precision asked for."""
     if not solution.converged:
         return (
             f"Not converged: after {solution.iterations} passes the next step would still move the estimate by "
             f"{solution.last_step:.2g} standard errors"
             + ("." if bars.holds else f", and the model does not hold to the noise ({bars.reason}).")
         )
+    told = "Converged to the precision asked for on a subsample" if unread else "Converged"
     if bars.holds:
-        return f"Converged; the model describes the images to their noise (χ² per value {bars.chi2:.2f})."
+        return f"{told}; the model describes the images to their noise (reduced χ² {bars.chi2:.2f})."
     if bars.kind == "fisher":
-        return f"Converged; residuals are {math.sqrt(bars.chi2):.3g} times the noise, error bars scaled by that."
-    return f"Converged; the model does not hold to the noise ({bars.reason}), so error bars come from the {bars.kind}."
+        return f"{told}; residuals are {math.sqrt(bars.chi2):.3g} times the noise, error bars scaled by that."
+    return f"{told}; the model does not hold to the noise ({bars.reason}), so error bars come from the {bars.kind}."
 
 
-def skipped(samples: Samples, solution: Solution, idle: Mapping[int, str], held_out: int) -> dict:
+def unread_samples(samples: Samples, solution: Solution) -> int:
+    """How many samples were not needed for the precision asked for."""
+    return max(len(samples) - int(solution.statistics.total("samples")), 0)
+
+
+def skipped(
+    samples: Samples, solution: Solution, idle: Mapping[int, str], held_out: int, candidates: Sequence[Candidate]
+) -> dict:
     """What was not computed, and why; counts of pixels are over all images.
 
     Args:
@@ -48,20 +57,21 @@ def skipped(samples: Samples, solution: Solution, idle: Mapping[int, str], held_
         solution: what they gave.
         idle: images that add nothing to the others, and why.
         held_out: number of images left out of the fit.
+        candidates: models that were tried before one was chosen; their lobes that it lacks are not supported.
     """
     work, problem, capture = [], solution.problem, samples.capture
     work += [f"image {image} ({capture.names[image]}): {reason}" for image, reason in idle.items()]
     if capture.copies:
         work.append(f"{capture.copies} channels: they are copies of the first in every image")
     statistics = solution.statistics
+    unread = unread_samples(samples, solution)
     merged = max(int(statistics.total("samples") - statistics.total("evaluated")), 0)
     if merged:
         work.append(
             f"shading of {merged:,} pixels: over smooth squares of 7×7 or 21×21 it is bilinear or biquadratic, four or "
             "nine samples carry what all say"
         )
-    unread = len(samples) - int(statistics.total("samples"))
-    if unread > 0:
+    if unread:
         work.append(f"reading {unread:,} samples: the others give the precision asked for")
     scene = capture.scene
     if scene.surface.mesh is not None and scene.surface.mesh.convex:
@@ -80,8 +90,11 @@ def skipped(samples: Samples, solution: Solution, idle: Mapping[int, str], held_
         if name.endswith("diffuse") and isinstance(problem.brdf, Sum) and float(problem.held[name]) == 0:
             work.append(f"{name}: another component is the diffuse one")
     every = scene.surface.shape[0] * scene.surface.shape[1]
-    counts = {"redundant": merged, "unread": max(unread, 0), "idle": len(idle) * every, "held_out": held_out * every}
-    return {"components": [], "samples": {**samples.skipped, **counts}, "work": work}
+    counts = {"redundant": merged, "unread": unread, "idle": len(idle) * every, "held_out": held_out * every}
+    taken = {*solution.problem.brdf.expression.split("+")}
+    tried = {part: None for candidate in candidates for part in candidate.model.split("+")}
+    components = [part for part in tried if part not in taken and not MODELS[part].body]
+    return {"components": components, "samples": {**samples.skipped, **counts}, "work": work}
 
 
 def _imprecise(parameters: Mapping[str, ParameterEstimate], precision: float | None) -> list[str]:
@@ -161,11 +174,16 @@ def warnings(
     if capture.copies:
         out.append("The channels of every image are copies of each other: one is worked on, and reported.")
     out += [f"Image {image} ({capture.names[image]}) is left out: {reason}." for image, reason in idle.items()]
+    out += [
+        f"Images {twin} ({capture.names[twin]}) and {image} ({capture.names[image]}) are the same pixels, stated to be "
+        "under different lights or exposures: one of the files is not what it should be."
+        for image, twin in twins(capture, samples.images).items()
+    ]
     odd = None if bars.holds or bars.chi2 < _MISFIT else _odd_image(solution)
     if odd is not None:
         image = samples.images[odd[0]]
         out.append(
-            f"Without image {image} ({capture.names[image]}) χ² per value would fall from {bars.chi2:.3g} to "
+            f"Without image {image} ({capture.names[image]}) reduced χ² would fall from {bars.chi2:.3g} to "
             f"{odd[1]:.2g}: check its light, its exposure and whether it shows the same object."
         )
     empty = [capture.names[k] for k, count in zip(samples.images, samples.counts, strict=True) if not count]

@@ -45,7 +45,7 @@ class Fit:
     Attributes:
         rmse: root mean square residual, radiance.
         relative_rmse: that over the rms radiance of the samples used.
-        reduced_chi2: mean squared residual in units of the noise variance.
+        reduced_chi2: sum of squared residuals in units of the noise variance, per degree of freedom.
         samples: usable samples (pixels of all images); saturated ones come on top, as lower bounds of their radiance.
         samples_used: of those, the ones in the final pass.
         outliers: share of the values that lie too far from the model to be believed and were left out.

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
 import torch
+from torch import Tensor
 
 from matest.brdf.base import factor_value, named_by
 from matest.error_bars import ErrorBars
-from matest.estimators import Solution, accumulate
+from matest.estimators import Problem, Solution, accumulate
 from matest.estimators.levenberg_marquardt import minimise
 from matest.uncertainty import fisher, quantile95, weak_directions
 
@@ -99,22 +101,28 @@ def locked_with_unseen(solution: Solution, bars: ErrorBars) -> frozenset[int]:
     return frozenset(found)
 
 
-def bent(solution: Solution) -> frozenset[int]:
+def bent(
+    problem: Problem, unknowns: Tensor, information: Tensor, elsewhere: Callable[[Tensor], Tensor]
+) -> frozenset[int]:
     """Positions of unknowns whose error bars, correct to first order, say nothing: a valley bends within them.
 
-    A metal's n and k are: along a curve all give the same reflectance but for its rise towards grazing angles.
+    A metal's n and k are such: along a curve all give the same reflectance but for its rise towards grazing angles.
+
+    Args:
+        problem: what is estimated.
+        unknowns: u [P].
+        information: JᵀWJ there [P, P].
+        elsewhere: gives it at other u.
     """
-    problem, best = solution.problem, solution.statistics
     found: set[int] = set()
-    for direction, partners in weak_directions(best.information / best.misfit):
+    for direction, partners in weak_directions(information):
         for step in (quantile95(math.inf) * direction, -quantile95(math.inf) * direction):
-            room = torch.where(step > 0, problem.upper, problem.lower) - solution.unknowns
+            room = torch.where(step > 0, problem.upper, problem.lower) - unknowns
             share = min(float((room / step)[step != 0].min()), 1.0)
             if share < _ROOM:
                 continue
             moved = share * step
-            there = accumulate(problem, solution.unknowns + moved, solution.tiles, solution.unknowns, solution.misfit)
-            ratio = float((moved @ there.information @ moved) / (moved @ best.information @ moved))
+            ratio = float((moved @ elsewhere(unknowns + moved) @ moved) / (moved @ information @ moved))
             if not 1 / _BENDS < ratio < _BENDS:
                 found |= {*partners.nonzero()[:, 0].tolist()}
     return frozenset(found)

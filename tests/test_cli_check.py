@@ -54,7 +54,13 @@ def test_photographs_not_yet_taken_are_checked(run, planned: Path) -> None:
     assert "f0 and specular appear only as a product here" in told
     assert "Next light: direction = [" in told
     assert "typical camera" in told
+    assert "No model was named" not in told
     assert max(len(line) for line in out.splitlines()) <= 80
+
+
+def test_a_check_without_a_model_says_which_one_it_takes(run, planned: Path) -> None:
+    out = run(planned)[1]
+    assert "No model was named: oren-nayar+cook-torrance is the largest" in " ".join(out.split())
 
 
 def test_sums_with_long_names_fit_eighty_columns(run, planned: Path) -> None:

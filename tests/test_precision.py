@@ -19,6 +19,8 @@ def test_an_estimate_stops_at_the_precision_asked_for() -> None:
     whole = matest.estimate(capture, "oren-nayar")
     assert rough.fit.samples_used < 0.2 * rough.fit.samples == 0.2 * whole.fit.samples
     assert whole.fit.samples_used == whole.fit.samples
+    assert "on a subsample" in rough.fit.message
+    assert "subsample" not in whole.fit.message
     for name, truth in (("albedo", 0.7), ("sigma", 0.5)):
         found = rough.parameters[name]
         assert whole.parameters[name].std < found.std < 0.01 * found.value

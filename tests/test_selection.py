@@ -9,6 +9,7 @@ import pytest
 from matest import selection
 from matest.brdf import Brdf, CookTorrance, Lambert, OrenNayar
 from matest.capture.photometry import Noise
+from matest.estimation import estimate
 from matest.result import Candidate
 from matest.selection import CANDIDATES, select
 from matest.specification import Constraints
@@ -103,3 +104,10 @@ def test_the_same_seed_selects_the_same_model_with_the_same_scores() -> None:
     first, second = (selected(OrenNayar(0.6, 0.5), constraints) for _ in range(2))
     assert first[0] == second[0]
     assert [c.score for c in first[1]] == pytest.approx([c.score for c in second[1]], rel=1e-6)
+
+
+def test_lobes_that_the_images_do_not_support_are_told() -> None:
+    found = estimate(Studio(size=32).photograph(Lambert(0.6), seed=3))
+    assert found.model == "lambert"
+    assert found.skipped["components"] == ["cook-torrance", "torrance-sparrow"]
+    assert estimate(Studio(size=32).photograph(Lambert(0.6), seed=3), "lambert").skipped["components"] == []

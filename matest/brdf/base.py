@@ -299,5 +299,6 @@ def _as_tensor(value: Any, declared: Parameter, label: str) -> Tensor:
         raise InputError(f"{label} must be a number, a list of one number per channel, or a tensor; got {value!r}.")
     if not declared.domain.contains(tensor):
         hint = " Angles are in radians." if declared.unit == "rad" else ""
-        raise InputError(f"{label} must lie in {declared.domain} {declared.unit}; got {tensor.tolist()}.{hint}")
+        unit = "" if declared.unit == "1" else f" {declared.unit}"
+        raise InputError(f"{label} must lie in {declared.domain}{unit}; got {tensor.tolist()}.{hint}")
     return tensor

@@ -23,6 +23,7 @@ from matest.parameters import Domain
 from matest.result import Number, ParameterEstimate
 from matest.shader import gathered_light, lit_directions
 from matest.specification import Constraints, Specification, Value, by_path, specify
+from matest.unseen import bent
 
 SCHEMA = "matest.check/1"
 # What is checked of a capture when no model is named: the largest that `auto` tries.
@@ -46,7 +47,8 @@ class Prediction:
         range: smallest and largest `relative` over all levels of the shape parameters that were not given, None where
             one of them leaves it undetermined; None altogether where all do, or there was only one level.
         unit: "1", "rad", "µm".
-        status: determined | weak (std above the value) | not determined | held (by default) | fixed | tied.
+        status: determined | weak (std above the value, or good near it only) | not determined | held (by default) |
+            fixed | tied.
         reason: why it is weak, not determined, held, or known up to a scale only; empty otherwise.
     """
 
@@ -186,7 +188,9 @@ def check(
     return Check(
         capture=capture.name,
         model=problem.brdf.replace(values).expression,
-        parameters=_predictions(spread, Reasons(found, nearness, relative), Reasons(wider, nearness, relative)),
+        parameters=_predictions(
+            spread, Reasons(found, nearness, relative, _bent(found, samples)), Reasons(wider, nearness, relative)
+        ),
         light=light,
         images=len(capture),
         samples=len(samples),
@@ -194,7 +198,7 @@ def check(
         noise={"read": capture.noise.read, "gain": capture.noise.gain, "source": plan.noise},
         highlight=nearness.usable if math.isfinite(nearness.usable) else None,
         levels=_tried(found, levels, values),
-        warnings=_warnings(plan, samples, own is not None),
+        warnings=_warnings(plan, samples, own is not None, model is None),
     )
 
 
@@ -239,6 +243,16 @@ def _levels(
 
 def _inside(domain: Domain, value: Tensor) -> Tensor:
     return value.clamp(min=domain.lower, max=domain.upper)
+
+
+def _bent(found: Forecast, samples: Samples) -> tuple[str, ...]:
+    """Names of the parameters whose standard errors hold near the values assumed only."""
+
+    def elsewhere(unknowns: Tensor) -> Tensor:
+        return forecast(samples, found.problem, unknowns).information
+
+    positions = bent(found.problem, found.unknowns, found.information, elsewhere)
+    return tuple(name for name, place in found.problem.where.items() if positions & {*range(place.start, place.stop)})
 
 
 def _tried(found: Forecast, levels: Sequence[Mapping[str, Tensor]], values: Mapping[str, Tensor]) -> dict[str, list]:
@@ -302,7 +316,7 @@ def _predictions(spread: Sequence[Forecast], why: Reasons, why_held: Reasons) ->
             if len(spread) > 1:
                 among = _among([float(level.relative_std[place].max()) for level in spread])
             lost = status == "not determined"
-            status = "weak" if status == "determined" and relative > _WEAK else status
+            status = "weak" if status == "determined" and (relative > _WEAK or source in why.bent) else status
             reason = why.of(source) if status in ("weak", "not determined") else why.locked(source) or ""
             relative = None if lost else relative
             if known_by_ratio(problem, name):
@@ -353,8 +367,10 @@ def _lost(estimate: ParameterEstimate) -> bool:
     return estimate.status == "not determined"
 
 
-def _warnings(plan: Plan, samples: Samples, own: bool) -> list[str]:
+def _warnings(plan: Plan, samples: Samples, own: bool, unnamed: bool) -> list[str]:
     out = []
+    if unnamed and not own:
+        out.append(f"No model was named: {DEFAULT_MODEL} is the largest that estimate tries; --model checks another.")
     capture = plan.capture
     if capture.relative:
         out.append("The strength of the lights is unknown (relative radiometry): albedos are known up to one scale.")

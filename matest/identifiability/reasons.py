@@ -52,13 +52,15 @@ class Reasons:
         forecast: with every parameter in question free.
         nearness: of its samples.
         relative: whether the strength of the lights is unknown.
+        bent: names of parameters along a valley of the likelihood that bends within their standard errors.
     """
 
-    def __init__(self, forecast: Forecast, nearness: Nearness, relative: bool) -> None:
+    def __init__(self, forecast: Forecast, nearness: Nearness, relative: bool, bent: tuple[str, ...] = ()) -> None:
         self.problem = forecast.problem
         self._forecast = forecast
         self._nearness = nearness
         self._relative = relative
+        self.bent = bent
         self._values = forecast.problem.values(forecast.unknowns)
 
     def of(self, name: str) -> str:
@@ -67,6 +69,9 @@ class Reasons:
             return "no image has a usable sample"
         if absent := self._absent(name):
             return absent
+        if name in self.bent:
+            both = " and ".join(self.bent)
+            return f"{both} are seen in combination, along a curve: errors hold only near the values assumed"
         # Known well if only the others were given, it is seen: something else takes its part.
         if self._alone(name) > _BARELY and (unseen := self._unseen(name)):
             return unseen

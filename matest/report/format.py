@@ -39,7 +39,7 @@ def share(value: float | None) -> str:
 
 
 def chi2(value: float) -> str:
-    """χ² per value: two decimals near 1, three digits far from it."""
+    """Reduced χ²: two decimals near 1, three digits far from it."""
     return f"{value:.2f}" if value < 100 else f"{value:.3g}"
 
 

@@ -45,7 +45,7 @@ def page(estimate: Estimate, files: list[str]) -> str:
         *(f'<p class="warning">{escape(warning)}</p>' for warning in estimate.warnings),
         "<h2>Fit</h2>",
         _table(
-            ("relative rms error", "χ² per value", "samples used", "of", "passes", "error bars from"),
+            ("relative rms error", "reduced χ²", "samples used", "of", "passes", "error bars from"),
             [
                 (
                     f"{fit.relative_rmse:.2%}",
@@ -59,8 +59,9 @@ def page(estimate: Estimate, files: list[str]) -> str:
         ),
     ]
     if estimate.holdout:
-        left = ", ".join(map(str, estimate.holdout["images"]))
-        parts.append(f"<p>Images left out ({left}): relative rms error {share(estimate.holdout['relative_rmse'])}.</p>")
+        left = ", ".join(f"{number} ({escape(files[number])})" for number in estimate.holdout["images"])
+        error = share(estimate.holdout["relative_rmse"])
+        parts.append(f"<p>Held out of the fit, image {left}: relative rms error {error}.</p>")
     if estimate.candidates:
         parts.append(
             "<h2>Models tried, and their error on what was left out</h2><p>Over a sample spread evenly over angles.</p>"
@@ -108,9 +109,16 @@ def _cell(text: str) -> str:
 
 
 def _skipped(estimate: Estimate) -> str:
-    counts = [f"{count:,} {reason}" for reason, count in estimate.skipped.get("samples", {}).items() if count]
-    work = "".join(f"<li>{escape(item)}</li>" for item in estimate.skipped.get("work", []))
-    return f"<ul><li>pixels of all images: {escape(', '.join(counts) or 'none')}</li>{work}</ul>"
+    told = {"held_out": "in images held out", "idle": "in images that add nothing", "unread": "not needed"}
+    counts = [
+        f"{count:,} {told.get(reason, reason)}"
+        for reason, count in estimate.skipped.get("samples", {}).items()
+        if count
+    ]
+    lobes = ", ".join(estimate.skipped.get("components", []))
+    work = [f"lobes that the images do not support: {lobes}"] if lobes else []
+    items = [f"pixels of all images: {', '.join(counts) or 'none'}", *work, *estimate.skipped.get("work", [])]
+    return f"<ul>{''.join(f'<li>{escape(item)}</li>' for item in items)}</ul>"
 
 
 def _timing(estimate: Estimate) -> str:

@@ -76,7 +76,7 @@ def test_a_model_enters_a_sum_once() -> None:
 
 @pytest.mark.parametrize("albedo", [-0.1, 1.1, float("nan"), float("inf"), [0.2, 0.5, 1.2]])
 def test_numbers_outside_the_domain_are_refused(albedo: Any) -> None:
-    with pytest.raises(InputError, match=r"lambert: albedo must lie in \[0, 1\] 1; got"):
+    with pytest.raises(InputError, match=r"lambert: albedo must lie in \[0, 1\]; got"):
         Lambert(albedo)
 
 

@@ -12,7 +12,7 @@ import pytest
 from matest import load_capture
 from matest.brdf import OrenNayar
 from matest.capture import Capture
-from matest.capture.idle import idle, without_copies
+from matest.capture.idle import idle, twins, without_copies
 from matest.estimation import estimate, predict
 from matest.simulate import simulate
 from tests import scenes
@@ -115,6 +115,15 @@ def test_photographs_that_differ_in_anything_are_two(change: str) -> None:
         lights = (lights[0], (directional(DIRECTIONS[1], 3.0),))
     changed = replace(capture, stored=(stored, other), exposures=exposures, scene=replace(capture.scene, lights=lights))
     assert idle(changed, range(2)) == {}
+    # The same pixels under another light cannot be: one of the files is a copy.
+    assert twins(changed, range(2)) == ({} if change == "pixels" else {1: 0})
+    told = any("are the same pixels" in warning for warning in estimate(changed, "lambert").warnings)
+    assert told is (change != "pixels")
+
+
+def test_images_of_one_value_are_no_twins() -> None:
+    capture = grey()
+    assert twins(replace(capture, stored=tuple(0 * pixels for pixels in capture.stored)), range(3)) == {}
 
 
 def test_an_image_without_light_adds_nothing() -> None:

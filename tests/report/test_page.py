@@ -89,10 +89,12 @@ def test_the_page_says_what_was_found() -> None:
         "120,000",
         "123,456",
         "Fisher information",
-        "Images left out (3): relative rms error 2.00%",
+        f"Held out of the fit, image 0 ({names(1)[0]}): relative rms error 2.00%",
         "predicts images left out better than lambert",
         "Noise was estimated from the images.",
         "500 background, 40 shadowed, 60 rim",
+        "7 in images held out",
+        "lobes that the images do not support: cook-torrance",
         "ambient light: there is none",
         "fit 0.30 s",
     ):
