@@ -114,8 +114,8 @@ class Yardstick:
 
 
 def in_order(values: Mapping[str, Tensor]) -> Values:
-    """The same material with the wider of two lobes first."""
-    if "slope_2" not in values or not bool(values["slope"] < values["slope_2"]):
+    """The same material with the narrower of two lobes first, as in `Brdf.ordered`."""
+    if "slope_2" not in values or not bool(values["slope"] > values["slope_2"]):
         return dict(values)
     swapped = {"slope": values["slope_2"], "slope_2": values["slope"], "weight_2": 1 - values["weight_2"]}
     return {**values, **swapped}

@@ -63,11 +63,11 @@ def _rough_vase(size: int) -> Subject:
 def _copper_vase(size: int) -> Subject:
     """The vase of Cook & Torrance, fig. 6b; its colours in numbers, as their source is an optional package."""
     material = CookTorrance(
-        diffuse=torch.tensor(0.0), specular=torch.tensor(1.0), slope=torch.tensor(0.4), slope_2=torch.tensor(0.2),
-        weight_2=torch.tensor(0.6), f0=torch.tensor([0.95, 0.64, 0.54]), f0_mean=torch.tensor(0.66), lobes="2",
+        diffuse=torch.tensor(0.0), specular=torch.tensor(1.0), slope=torch.tensor(0.2), slope_2=torch.tensor(0.4),
+        weight_2=torch.tensor(0.4), f0=torch.tensor([0.95, 0.64, 0.54]), f0_mean=torch.tensor(0.66), lobes="2",
         fresnel="colour-shift",
     )  # fmt: skip
-    start = {"f0": 0.5, "slope": 0.5, "slope_2": 0.1, "weight_2": 0.5}
+    start = {"f0": 0.5, "slope": 0.1, "slope_2": 0.5, "weight_2": 0.5}
     return subject(material, vase(size), ["diffuse", "specular", "f0_mean"], start)
 
 

@@ -120,6 +120,11 @@ class Brdf:
         return {name: getattr(self, name) for name in self.declared}
 
     @property
+    def ordered(self) -> Brdf:
+        """The same reflectance by other values: lobes that can change places stand in their order."""
+        return self
+
+    @property
     def products(self) -> list[tuple[str, ...]]:
         """The factors of each term."""
         normal = torch.tensor([[0.0, 0.0, 1.0]])
@@ -245,6 +250,10 @@ class Sum(Brdf):
                 raise InputError(f"no component '{name}' in the model '{self.expression}'; {nearest(name, inside)}")
             inside[name][key] = value
         return Sum(tuple(part.replace(inside[name]) for name, part in self._by_name.items()))
+
+    @property
+    def ordered(self) -> Brdf:
+        return Sum(tuple(part.ordered for part in self.components))
 
     def terms(self, directions: Directions) -> tuple[Term, ...]:
         return tuple(

@@ -44,7 +44,7 @@ class CookTorrance(Brdf):
     - `distribution` D, normalised to ∫ D cos α dω = 1: Beckmann's of rms slope `slope` m, a Gaussian of the facet angle
       exp(−(α/m)²), or GGX of width m.
     - `lobes`: surfaces with structure at several scales, D = (1 − w₂) D(m) + w₂ D(m₂); with three
-      D = (1 − w₂) D(m) + w₂ [(1 − w₃) D(m₂) + w₃ D(m₃)].
+      D = (1 − w₂) D(m) + w₂ [(1 − w₃) D(m₂) + w₃ D(m₃)]. An estimate has them in the order of `ordered`.
     - `masking` G: of V-cavities (the paper's) or Smith's.
     - `fresnel` F: of a `dielectric` with normal reflectance `f0` = ((n−1)/(n+1))²; of a `conductor` of index
       `eta` − i `k`; `schlick`, f0 + (1 − f0)(1 − V·H)⁵; or the paper's interpolation of colours, `colour-shift`, from
@@ -142,6 +142,25 @@ class CookTorrance(Brdf):
             for factors, reflectance in self._reflectances(directions):
                 out.append(Term(("specular", *weight, *factors), lobe * reflectance))
         return tuple(out)
+
+    @property
+    def ordered(self) -> Brdf:
+        """The same reflectance with its lobes from narrow to wide, those without a share last."""
+        slopes = [self.slope, self.slope_2, self.slope_3][: int(self.lobes)]
+        if len(slopes) == 1:
+            return self
+        inner = [1 - self.weight_3, self.weight_3] if len(slopes) == 3 else [torch.ones_like(self.weight_2)]
+        widths = torch.stack(torch.broadcast_tensors(*slopes))
+        shares = torch.stack(torch.broadcast_tensors(1 - self.weight_2, *(self.weight_2 * share for share in inner)))
+        order = torch.where(shares > 0, widths, math.inf).argsort(dim=0, stable=True)
+        if bool((order.diff(dim=0) > 0).all()):
+            return self
+        (slope, *further), shares = widths.gather(0, order), shares.gather(0, order)
+        values = dict(zip(("slope_2", "slope_3"), further, strict=False))
+        rest = 1 - shares[0]
+        if len(slopes) == 3:
+            values["weight_3"] = shares[2] / rest.clamp(min=1e-12)
+        return self.replace({"slope": slope, "weight_2": rest, **values})
 
     def _lobes(self, directions: Directions) -> list[tuple[tuple[str, ...], Tensor]]:
         """D G / (4 cos θi cos θr) of every lobe, and the factors that weigh it."""

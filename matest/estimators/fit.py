@@ -111,6 +111,9 @@ def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = N
             break
         wider = replace(best.problem, gauge_limit=limit)
         best = descend(wider, torch.minimum(best.unknowns, wider.upper), best.unknowns, _CLOSE)
+    ordered = best.problem.ordered(best.unknowns)
+    if not torch.equal(ordered, best.unknowns):
+        best = descend(best.problem, ordered, ordered, _CLOSE)
     return replace(best, tiles=in_memory(tiles))
 
 

@@ -168,5 +168,16 @@ class Problem:
                 out[place] = declared.domain.lower + (out[place] - declared.domain.lower) % declared.domain.width
         return out
 
+    def ordered(self, unknowns: Tensor) -> Tensor:
+        """The same material with lobes in their order, where nothing that is held or tied tells them apart."""
+        values, ordered = self.values(unknowns), self.material(unknowns).ordered.parameters
+        given = {**self.held, **self.ties}
+        if any(not torch.equal(torch.as_tensor(ordered[name]), torch.as_tensor(values[name])) for name in given):
+            return unknowns
+        out = unknowns.clone()
+        for name, place in self.where.items():
+            out[place] = ordered[name]
+        return out
+
     def material(self, unknowns: Tensor) -> Brdf:
         return self.brdf.replace(self.values(unknowns))

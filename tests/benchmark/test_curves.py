@@ -37,10 +37,10 @@ def test_a_solver_that_is_lost_has_no_error_to_speak_of() -> None:
 
 
 def test_lobes_that_change_places_are_the_same_material() -> None:
-    swapped = values(slope=0.2, slope_2=0.4, weight_2=0.4)
+    swapped = values(slope=0.4, slope_2=0.2, weight_2=0.4)
     assert {name: float(value) for name, value in in_order(swapped).items()} == {
-        "slope": 0.4,
-        "slope_2": 0.2,
+        "slope": 0.2,
+        "slope_2": 0.4,
         "weight_2": pytest.approx(0.6),
     }
     assert in_order(in_order(swapped)) == in_order(swapped)

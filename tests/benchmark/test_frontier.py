@@ -73,7 +73,7 @@ def test_copper_is_compared_whichever_lobe_comes_first() -> None:
         **case.truth,
         "slope": case.truth["slope_2"],
         "slope_2": case.truth["slope"],
-        "weight_2": 1 - case.truth["weight_2"],
+        "weight_2": 1 - case.truth["weight_2"].double(),
     }
     assert yardstick.step(0.0, swapped).error == pytest.approx(0.0, abs=1e-9)
     assert set(yardstick.bound) == {"f0", "slope", "slope_2", "weight_2"}

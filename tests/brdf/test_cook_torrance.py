@@ -348,3 +348,28 @@ def test_normalisations_scale_every_lobe(distribution: str, masking: str, normal
     other = CookTorrance(0.0, normalisation=normalisation, **chosen)(*pairs)
     expected = FACTORS[normalisation] * physical
     torch.testing.assert_close(other, expected, rtol=tolerances.INDEPENDENT, atol=tolerances.INDEPENDENT)
+
+
+@pytest.mark.parametrize(
+    ("lobes", "values", "expected"),
+    [
+        ("2", {"slope": 0.4, "slope_2": 0.1, "weight_2": 0.3}, {"slope": 0.1, "slope_2": 0.4, "weight_2": 0.7}),
+        ("2", {"slope": 0.1, "slope_2": 0.4, "weight_2": 0.3}, {"slope": 0.1, "slope_2": 0.4, "weight_2": 0.3}),
+        # What has no share has no width to speak of.
+        ("2", {"slope": 0.4, "slope_2": 0.1, "weight_2": 0.0}, {"slope": 0.4, "slope_2": 0.1, "weight_2": 0.0}),
+        (
+            "3",
+            {"slope": 0.6, "slope_2": 0.1, "slope_3": 0.3, "weight_2": 0.7, "weight_3": 0.4},
+            {"slope": 0.1, "slope_2": 0.3, "slope_3": 0.6, "weight_2": 0.58, "weight_3": 0.3 / 0.58},
+        ),
+    ],
+)
+def test_lobes_in_their_order_reflect_the_same(lobes: str, values: dict, expected: dict) -> None:
+    brdf = CookTorrance(0.2, 0.8, lobes=lobes, **values)
+    pairs = random_pairs(50, seed=4)
+    close = {"rtol": tolerances.INDEPENDENT, "atol": tolerances.INDEPENDENT}
+    torch.testing.assert_close(brdf.ordered(*pairs), brdf(*pairs), **close)
+    found = {name: float(brdf.ordered.parameters[name]) for name in values}
+    assert found == pytest.approx(expected)
+    both = (brdf + Lambert(0.5)).ordered.parameters
+    assert {name: float(both[f"cook-torrance.{name}"]) for name in values} == pytest.approx(expected)

@@ -240,3 +240,20 @@ def test_of_optima_that_the_data_cannot_tell_apart_one_inside_the_domain_is_take
     alike = replace(inside, unknowns=edge)
     assert most_plausible([alike, inside]) is inside
     assert most_plausible([inside, alike]) is inside
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+def test_lobes_come_out_from_narrow_to_wide(seed: int) -> None:
+    material = CookTorrance(0.3, 0.7, 0.4, slope_2=0.1, weight_2=0.6, lobes="2")
+    samples = Studio().photograph(material, seed=seed).samples()
+    chosen = problem(material.expression, fix={"f0": 0.04})
+    whole, quick = (fit(chosen, samples, 0, precision=given) for given in (0.0, 0.2))
+    for found in (whole, quick):
+        values = found.problem.values(found.unknowns)
+        assert float(values["slope"]) == pytest.approx(0.1, rel=0.1)
+        assert float(values["slope_2"]) == pytest.approx(0.4, rel=0.2)
+        assert float(values["weight_2"]) == pytest.approx(0.4, rel=0.2)
+    # What is held keeps its place.
+    fixed = problem(material.expression, fix={"f0": 0.04, "slope": 0.4})
+    values = fixed.values(fit(fixed, samples, 0).unknowns)
+    assert (float(values["slope"]), float(values["slope_2"])) == pytest.approx((0.4, 0.1), rel=0.1)
