@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from matest.brdf import Brdf, Sum, model
-from matest.brdf.base import absent, rest_of
+from matest.brdf.base import absent
 from matest.errors import InputError, nearest
 from matest.estimators import Problem
 from matest.scene import Scene
@@ -189,8 +189,7 @@ def _beside_body(brdf: Brdf, name: str) -> bool:
 
 def _check_scale(brdf: Brdf, free: Sequence[str], held: Mapping[str, Tensor], ties: Mapping[str, str]) -> None:
     """Under lights of unknown strength every term needs an amplitude that can take up their scale."""
-    used = {factor for product in brdf.products for factor in product}
-    scales = {name for name in free if brdf.declared[name].per_channel and name in used and rest_of(name) not in used}
+    scales = brdf.scales & {*free}
     for product in brdf.products:
         sources = {ties.get(factor, factor) for factor in product}
         dark = any(factor in held and not bool(held[factor].any()) for factor in product)

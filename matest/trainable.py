@@ -20,23 +20,36 @@ class Trainable(nn.Module):
         brdf: the model at its starting values; a value at an end of its domain starts 1e-6 inside.
         fixed: names (in a sum: paths) of parameters that stay as they are. Held ones, such as `f0` of a dielectric,
             train like the others unless named here.
+        relative: the strength of the lights is unknown, as in a capture of relative radiometry: albedos may be above 1,
+            and what is 1 only beside a known strength (`interreflection`) trains too.
         dtype: of the parameters.
 
     Raises:
         InputError: a name in `fixed` that the model does not have.
     """
 
-    def __init__(self, brdf: Brdf, *, fixed: tuple[str, ...] = (), dtype: torch.dtype = torch.float32) -> None:
+    def __init__(
+        self,
+        brdf: Brdf,
+        *,
+        fixed: tuple[str, ...] = (),
+        relative: bool = False,
+        dtype: torch.dtype = torch.float32,
+    ) -> None:
         super().__init__()
         for name in fixed:
             if name not in brdf.declared:
                 raise InputError(f"{brdf.expression} has no parameter '{name}'; {nearest(name, brdf.declared)}")
-        gauges = tuple(name for name, declared in brdf.declared.items() if declared.gauge)
         self._brdf = brdf
-        self._free = [name for name in brdf.declared if name not in (*fixed, *gauges)]
+        self._free = [
+            name for name, declared in brdf.declared.items() if name not in fixed and (relative or not declared.gauge)
+        ]
+        scales = brdf.scales if relative else set()
+        domains = {name: brdf.declared[name].domain for name in self._free}
+        self._domains = {name: domain.lifted() if name in scales else domain for name, domain in domains.items()}
         self.values = nn.ParameterList(
-            nn.Parameter(brdf.declared[name].domain.unconstrained(brdf.parameters[name].detach().to(dtype)))
-            for name in self._free
+            nn.Parameter(domain.unconstrained(brdf.parameters[name].detach().to(dtype)))
+            for name, domain in self._domains.items()
         )
 
     def extra_repr(self) -> str:
@@ -45,7 +58,5 @@ class Trainable(nn.Module):
         return ", ".join([self._brdf.expression, *fixed])
 
     def forward(self, batch: Batch | None = None) -> Brdf:  # noqa: ARG002
-        declared = self._brdf.declared
-        return self._brdf.replace(
-            {name: declared[name].domain.physical(raw) for name, raw in zip(self._free, self.values, strict=True)}
-        )
+        pairs = zip(self._domains.items(), self.values, strict=True)
+        return self._brdf.replace({name: domain.physical(raw) for (name, domain), raw in pairs})

@@ -114,3 +114,17 @@ def test_ends_of_the_domain_can_be_left() -> None:
     for raw in material.parameters():
         assert raw.grad is not None
         assert raw.grad.abs() > 0
+
+
+def test_albedos_may_be_above_1_beside_lights_of_unknown_strength() -> None:
+    brdf = OrenNayar(0.9, 0.3) + TorranceSparrow(0.5, 0.2)
+    plain, relative = Trainable(brdf), Trainable(brdf, relative=True)
+    for material in (plain, relative):
+        for raw in material.values:
+            raw.data += 10.0
+    kept, lifted = plain().parameters, relative().parameters
+    assert max(float(kept[name]) for name in ("oren-nayar.albedo", "torrance-sparrow.specular")) <= 1
+    assert min(float(lifted[name]) for name in ("oren-nayar.albedo", "torrance-sparrow.specular")) > 5
+    assert float(lifted["oren-nayar.sigma"]) <= math.pi / 2
+    assert float(kept["oren-nayar.interreflection"]) == 1
+    assert float(lifted["oren-nayar.interreflection"]) > 5

@@ -158,6 +158,13 @@ class Brdf:
         return {named_by(factor) for factors in self.products for factor in factors}
 
     @property
+    def scales(self) -> set[str]:
+        """Names of the amplitudes that can carry an unknown scale of the light: 1 − x of them is used nowhere."""
+        used = {factor for product in self.products for factor in product}
+        coloured = {name for name, declared in self.declared.items() if declared.per_channel}
+        return {name for name in used & coloured if rest_of(name) not in used}
+
+    @property
     def expression(self) -> str:
         """The string that names this model and its options, as `--model` takes it."""
         changed = [

@@ -11,7 +11,6 @@ import torch
 from torch import Tensor
 
 from matest.brdf import Brdf
-from matest.brdf.base import rest_of
 from matest.directions import Directions
 from matest.parameters import Domain, Parameter
 
@@ -65,9 +64,7 @@ class Problem:
 
     @cached_property
     def _scales(self) -> set[str]:
-        """Amplitudes that may carry the unknown scale of the light: their complement 1 − x is used nowhere."""
-        used = {factor for product in self.brdf.products for factor in product}
-        return {name for name in used if rest_of(name) not in used}
+        return self.brdf.scales
 
     @cached_property
     def images(self) -> list[int]:
@@ -86,7 +83,7 @@ class Problem:
             return Domain(-math.inf, math.inf)
         if declared.gauge:
             return Domain(declared.domain.lower, self.gauge_limit)
-        carries_scale = self.relative and declared.per_channel and name in self._scales
+        carries_scale = self.relative and name in self._scales
         return declared.domain.lifted() if carries_scale else declared.domain
 
     def limit_of_gauges(self, unknowns: Tensor) -> float:
