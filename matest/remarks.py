@@ -17,6 +17,7 @@ from matest.parameter_estimates import known_by_ratio, seen_together
 from matest.result import Candidate, ParameterEstimate
 from matest.specification import Specification
 from matest.uncertainty import fisher
+from matest.unseen import unseen_amplitudes
 
 # Worth a word of warning: less than this share of the mask is geometry, a fit worse than this (not by noise alone, of
 # which there are no so many outliers), or more outliers.
@@ -207,6 +208,9 @@ def warnings(
     alone = [name for name in lost if len(locked) < 2 or name not in locked]
     if alone:
         out.append(f"{' and '.join(alone)} {'are' if len(alone) > 1 else 'is'} not determined by these images.")
+    absent = unseen_amplitudes(solution, bars)
+    if absent:
+        out.append(f"No lobe of {' and '.join(sorted(absent))} is seen: intervals are of one as wide as fits best.")
     if not bars.holds and bars.kind == "fisher":
         out.append("There are too few pixels for error bars that allow for the misfit of the model.")
     if not capture.noise_given:

@@ -101,3 +101,11 @@ def test_ordinary_noise_has_no_outliers() -> None:
     found = matest.estimate(STUDIO.photograph(Lambert(0.5), seed=9), "lambert")
     assert found.fit.outliers < 1e-4
     assert not any("left out" in warning for warning in found.warnings)
+
+
+def test_a_lobe_that_is_not_there_is_told() -> None:
+    found = matest.estimate(Studio(size=32).photograph(Lambert(0.5), 1), "cook-torrance")
+    assert found.parameters["slope"].status == "not determined"
+    assert any(warning.startswith("No lobe of specular is seen") for warning in found.warnings)
+    seen = matest.estimate(Studio(size=32).photograph(CookTorrance(0.3, 0.8, 0.2), 1), "cook-torrance")
+    assert not any("No lobe" in warning for warning in seen.warnings)
