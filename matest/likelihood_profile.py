@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+
+from torch import Tensor
 
 from matest.estimators import Solution
 from matest.estimators.levenberg_marquardt import Evaluate, bounded_step, minimise
 from matest.estimators.separable import passes_over
 
 # χ² that a value may cost inside a 95 % interval: away from every bound, and at a bound that no estimate can pass.
-_TWO_SIDED, _ONE_SIDED = 3.841458820694124, 2.705543454095414
+TWO_SIDED, _ONE_SIDED = 3.841458820694124, 2.705543454095414
 # Passes to refit the others, along a bent valley, until they move by less than so many standard errors.
-_PASSES, _SETTLED = 12, 0.05
+_PASSES, _SETTLED = 12, 0.2
 # Values tried for an end of an interval, until their cost is within this share of the one that is looked for.
 _TRIALS, _CLOSE = 16, 0.1
 # The cost rises with the distance to a power between these; one trial moves the end by no more than this factor.
 _POWERS, _STRIDE = (1.0, 8.0), 5.0
 # Beyond a bend it is a wall: between a value that costs too little and one that costs too much no trial comes nearer to
 # either than this share, until that is so small a share of the interval.
-_MARGIN, _NARROW = 0.25, 0.02
+_MARGIN, _NARROW = 0.25, 0.08
+# A bound further than so many guesses of the half-width does not cut an interval.
+_FAR = 2.0
 
 
 @dataclass(frozen=True)
@@ -41,73 +45,107 @@ class Rise:
 
 
 @dataclass(frozen=True)
-class Profile:
-    """The likelihood along one unknown.
+class Surroundings:
+    """The likelihood about a solution, expanded there.
 
     Attributes:
-        best: the optimum, from which values are tried.
-        evaluate: statistics at any unknowns, the likelihood being expanded about the optimum.
-        position: of the unknown in u.
-        bound: the end of its domain that is near.
-        other: the far end; may be infinite.
-        unit: cost of one unit of χ²: larger than 1 where the model does not hold.
-        flat: whether the model depends on the square of the distance to the bound.
+        best: its optimum.
+        evaluate: statistics at any unknowns.
     """
 
     best: Solution
     evaluate: Evaluate
-    position: int
-    bound: float
-    other: float
-    unit: float
-    flat: bool
 
-    def at(self, value: float, near: Solution | None = None) -> Rise:
-        """Refit the other unknowns with this one at `value`, starting from a refit near it; None: from the optimum."""
+    def at(self, position: int, value: float, near: Solution | None = None) -> Rise:
+        """Refit all unknowns but one, starting from a refit near it; None: from the optimum. Costs allow for misfit."""
         near = near or self.best
-        pinned = replace(near.problem, pinned={self.position: value})
+        pinned = replace(near.problem, pinned={position: value})
         information, gradient = near.statistics.information, near.statistics.gradient
         start = near.unknowns.clone()
-        start[self.position] = value
+        start[position] = value
         # Where the quadratic model expects them.
         start = start + bounded_step(pinned, start, information, gradient - information @ (start - near.unknowns))
         found = minimise(pinned, start, self.evaluate, passes=_PASSES, tolerance=_SETTLED)
-        slope = -2 * float(found.statistics.gradient[self.position])
-        return Rise(value, (_lowest(found) - _lowest(self.best)) / self.unit, slope / self.unit, found)
+        unit = self.best.statistics.misfit
+        slope = -2 * float(found.statistics.gradient[position]) / unit
+        return Rise(value, (_lowest(found) - _lowest(self.best)) / unit, slope, found)
 
-    def interval(self, spread: float) -> tuple[float, float]:
-        """Lower and upper end of the 95 % interval; `spread` is a guess of its half-width."""
-        start = float(self.best.unknowns[self.position])
-        inward = 1.0 if self.other > self.bound else -1.0
-        first = start + inward * spread
-        if abs(start - self.bound) < 1e-6 * spread:
-            near, far = self.bound, self._end(start, first, self.other, None)
+
+def surroundings(solution: Solution) -> Surroundings:
+    """Expand the likelihood about a solution."""
+    reference = solution.unknowns
+    evaluate = passes_over(solution.problem, solution.tiles, reference, reference, solution.misfit)
+    best = minimise(solution.problem, reference, evaluate, passes=_PASSES, tolerance=_SETTLED)
+    return Surroundings(best, evaluate)
+
+
+@dataclass(frozen=True)
+class Profile:
+    """The likelihood along one unknown.
+
+    Attributes:
+        around: the likelihood about the optimum, from which values are tried.
+        position: of the unknown in u.
+        wider: how many times wider than by the noise and the misfit alone error bars are.
+        flat: whether the model depends on the square of the distance to the bound that is near.
+    """
+
+    around: Surroundings
+    position: int
+    wider: float
+    flat: bool
+
+    def at(self, value: float, near: Solution | None = None) -> Rise:
+        """The rise to `value`, in units of the error bars."""
+        rise = self.around.at(self.position, value, near)
+        return replace(rise, cost=rise.cost / self.wider**2, slope=rise.slope / self.wider**2)
+
+    def interval(self, spread: float) -> tuple[float, float, list[Tensor]]:
+        """Both ends of the 95 % interval, and unknowns u [P] inside; `spread` is a guess of its half-width."""
+        best = self.around.best
+        start = float(best.unknowns[self.position])
+        ends = [float(best.problem.lower[self.position]), float(best.problem.upper[self.position])]
+        bound, other = sorted(ends, key=lambda end: abs(end - start))
+        inward = 1.0 if other > bound else -1.0
+        first, back = start + inward * spread, start - inward * spread
+        inside: list[Tensor] = []
+        if abs(start - bound) < 1e-6 * spread:
+            near, far = bound, self._end(start, first, other, None, inside)
+        elif abs(start - bound) > _FAR * spread:
+            near, far = (self._end(start, *towards, TWO_SIDED, inside) for towards in ((back, bound), (first, other)))
         else:
-            at_bound = self.at(self.bound)
+            at_bound = self.at(bound)
             pulls = math.sqrt(max(at_bound.cost, 0.0))
-            near, far = self.bound, self._end(start, first, self.other, _TWO_SIDED)
+            near, far = bound, self._end(start, first, other, TWO_SIDED, inside)
             if at_bound.cost > _ONE_SIDED:
-                near = self._end(start, max(start - spread, self.bound), self.bound, lower_threshold(pulls))
-        return min(near, far), max(near, far)
+                back = inward * max(inward * back, inward * bound)
+                near = self._end(start, back, bound, lower_threshold(pulls), inside)
+        return min(near, far), max(near, far), inside
 
-    def _end(self, start: float, first: float, limit: float, threshold: float | None) -> float:
-        """The value between `start` and `limit` at which χ² has risen by `threshold`; None: as for one at its bound."""
+    def _end(self, start: float, first: float, limit: float, threshold: float | None, passed: list[Tensor]) -> float:
+        """The value between `start` and `limit` at which χ² has risen by `threshold`; None: as for one at its bound.
+
+        Refits on the way there that have risen by less go to `passed`.
+        """
         low, high = min(start, limit), max(start, limit)
         value = min(max(first, low), high)
-        inside, outside, near = start, math.inf, self.best
-        for _ in range(_TRIALS):
+        inside, outside, near = start, math.inf, self.around.best
+        for trial in range(_TRIALS):
             rise = self.at(value, near)
             gain = rise.slope * (value - start)
             wanted = upper_threshold(self._push(rise.cost, gain)) if threshold is None else threshold
             if rise.cost > wanted:
                 outside = value
-            elif value == limit:
-                return limit
             else:
                 inside, near = value, rise.refit
+                passed.append(near.unknowns)
+                if value == limit:
+                    return limit
             # χ² = a · distance^power with the value and the slope found here.
             power = min(max(gain / rise.cost, _POWERS[0]), _POWERS[1]) if rise.cost > 0 else _POWERS[1]
             factor = (wanted / max(rise.cost, 1e-12)) ** (1 / power)
+            if trial > 1 and math.isinf(outside):
+                factor = max(factor, 2.0)  # the slope of a refit that is not quite settled may be far off
             value = start + (value - start) * min(max(factor, 1 / _STRIDE), _STRIDE)
             if abs(rise.cost / wanted - 1) < _CLOSE:
                 break
@@ -130,28 +168,10 @@ class Profile:
         return max((cost - distance**2) / (2 * distance), 0.0)
 
 
-def profiles(solution: Solution, widening: Mapping[int, float], flat: Collection[int]) -> Iterator[Profile]:
-    """Profiles of some unknowns, from one expansion of the likelihood.
-
-    Args:
-        solution: the optimum, with its tiles.
-        widening: by position of the unknown in u, how many times wider than by the noise alone error bars are.
-        flat: positions of unknowns at a bound near which the model depends on the square of the distance.
-    """
-    problem, reference = solution.problem, solution.unknowns
-    evaluate = passes_over(problem, solution.tiles, reference, reference, solution.misfit)
-    best = minimise(problem, reference, evaluate, passes=_PASSES, tolerance=_SETTLED)
-    scale = best.statistics.misfit
-    for position, wider in widening.items():
-        ends = [float(problem.lower[position]), float(problem.upper[position])]
-        bound, other = sorted(ends, key=lambda end: abs(end - float(best.unknowns[position])))
-        unit = scale * wider**2
-        yield Profile(best, evaluate, position, bound, other, unit, position in flat)
-
-
 def _lowest(found: Solution) -> float:
     """Cost where the last step leads."""
-    return found.statistics.total("cost") - found.last_step**2 * found.statistics.misfit
+    cost = found.statistics.total("cost")
+    return cost - found.last_step**2 * found.statistics.misfit if found.converged else cost
 
 
 def lower_threshold(estimate: float) -> float:
@@ -176,14 +196,14 @@ def threshold(truth: float) -> float:
     The estimate x is normal about the truth t; χ² is (x − t)² where x is inside, and t² − 2 x t, the rise from the
     bound, where it is not.
     """
-    if truth >= math.sqrt(_TWO_SIDED):
-        return _TWO_SIDED
+    if truth >= math.sqrt(TWO_SIDED):
+        return TWO_SIDED
 
     def excess(critical: float) -> float:
         below = (truth**2 + critical) / (2 * truth) if truth > 0 else math.inf
         return _normal(math.sqrt(critical)) - _normal(-max(below, math.sqrt(critical))) - 0.95
 
-    return _root(excess, _ONE_SIDED, _TWO_SIDED)
+    return _root(excess, _ONE_SIDED, TWO_SIDED)
 
 
 def _normal(x: float) -> float:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import cache
 
 import torch
-from torch import Tensor
 
 from matest.error_bars import ErrorBars
-from matest.estimators import Problem, Solution, accumulate
-from matest.likelihood_profile import profiles
+from matest.estimators import Problem, Solution
+from matest.likelihood_profile import Profile, Surroundings, surroundings
 from matest.result import ParameterEstimate
 from matest.uncertainty import error_of, fisher, quantile95
 from matest.unseen import bent, faint, flat_at_bound, locked_with_unseen, unseen_amplitudes, widening
@@ -21,6 +21,9 @@ _KNOWS_NOTHING = 1 / math.sqrt(12)
 _NEAR = 3.0
 # Likewise a value at or near a bound whose interval covers this share of the domain.
 _ANYWHERE = 0.95
+# What lies this much further off than the 95 % reach of an error bar, on another unknown's profile, belongs to a valley
+# that bends.
+_BEYOND = 1.2
 
 
 def with_profiles(solution: Solution, bars: ErrorBars) -> ErrorBars:
@@ -28,42 +31,55 @@ def with_profiles(solution: Solution, bars: ErrorBars) -> ErrorBars:
 
     A symmetric interval says little there: the likelihood is cut, and often far from quadratic.
     """
-    problem, reference, scale = solution.problem, solution.unknowns, solution.statistics.misfit
 
-    def elsewhere(unknowns: Tensor) -> Tensor:
-        return accumulate(problem, unknowns, solution.tiles, reference, solution.misfit).information / scale
+    @cache
+    def around() -> Surroundings:
+        return surroundings(solution)
 
-    valley = bent(problem, reference, solution.statistics.information / scale, elsewhere)
-    bars = replace(bars, flat=flat_at_bound(solution), bent=valley)
-    bars = replace(bars, locked=locked_with_unseen(solution, bars))
+    problem, scale = solution.problem, solution.statistics.misfit
+    bars = replace(bars, flat=flat_at_bound(solution), bent=bent(solution, around))
+    bars = replace(bars, locked=locked_with_unseen(solution, bars, around))
     plain = fisher(solution.statistics.information / scale, torch.ones_like(bars.bound)).std
     quantile = quantile95(bars.covariance.degrees)
-    spreads, wider_by = {}, {}
+    intervals: dict[int, tuple[float, float]] = {}
+    passed = [solution.unknowns]
     for name, place in problem.where.items():
         found = parameter_estimate(solution, bars, name)
-        told = found.value if isinstance(found.value, list) else [found.value] * (place.stop - place.start)
-        for position, told_of in zip(range(place.start, place.stop), told, strict=True):
+        told = found.value if isinstance(found.value, list) else [found.value]
+        for position, told_of in zip(range(place.start, place.stop), told, strict=False):
             value, std = float(solution.unknowns[position]), float(bars.open.std[position])
-            if told_of is None and position not in bars.bent:
+            if told_of is None and (position not in bars.bent or position in bars.locked):
                 continue
             room = float(min(value - problem.lower[position], problem.upper[position] - value))
             if position in bars.flat:
-                spreads[position], wider = bars.flat[position], widening(solution, bars)
+                spread, wider = bars.flat[position], widening(solution, bars)
             elif std > 0 and (room < _NEAR * std or position in bars.bent):
-                spreads[position], wider = quantile * std, std / float(plain[position])
+                spread, wider = quantile * std, std / float(plain[position])
             else:
                 continue
-            wider_by[position] = wider * quantile / quantile95(math.inf)
+            wider = wider * quantile / quantile95(math.inf)
+            low, high, inside = Profile(around(), position, wider, position in bars.flat).interval(spread)
+            intervals[position] = (low, high)
+            passed += inside
+    lowest, highest = torch.stack(passed).aminmax(dim=0)
+    reach = quantile * bars.open.std
+    further = (highest - solution.unknowns > _BEYOND * reach) | (solution.unknowns - lowest > _BEYOND * reach)
+    strays = {*(further & (reach > 0)).nonzero()[:, 0].tolist()} - {*intervals}
+    for position in strays:
+        # No profile of its own, or one that stays on its side of a valley: another one's led there.
+        middle, half = float(solution.unknowns[position]), float(reach[position])
+        low, high = float(problem.lower[position]), float(problem.upper[position])
+        intervals[position] = (max(middle - half, low), min(middle + half, high))
     intervals = {
-        profile.position: profile.interval(spreads[profile.position])
-        for profile in (profiles(solution, wider_by, bars.flat) if wider_by else ())
+        position: (min(low, float(lowest[position])), max(high, float(highest[position])))
+        for position, (low, high) in intervals.items()
     }
     for name in unseen_amplitudes(solution, bars):
         place = problem.where[name]
         for position in {*range(place.start, place.stop)} & {*intervals}:
             # The width that was searched for made the most of the noise.
             intervals[position] = (float(problem.lower[position]), intervals[position][1])
-    return replace(bars, intervals=intervals)
+    return replace(bars, intervals=intervals, bent=bars.bent | strays)
 
 
 def parameter_estimates(solution: Solution, bars: ErrorBars) -> dict[str, ParameterEstimate]:
@@ -115,6 +131,7 @@ def parameter_estimate(solution: Solution, bars: ErrorBars, name: str) -> Parame
             interval = list(bars.intervals[position])
         if position in bars.bent & bars.intervals.keys():
             std = (interval[1] - interval[0]) / (2 * reach)
+            largest = min(largest, 0.5 * abs(value))
         if flat:
             values.append(domain.lower)
             stds.append(None)
@@ -212,6 +229,7 @@ def seen_together(solution: Solution, bars: ErrorBars) -> set[str]:
     """Names under which parameters are reported of which the images see only combinations."""
     problem, told = solution.problem, solution.statistics.information.diagonal() > 0
     locked = bars.covariance.undetermined & told
+    locked[[*bars.bent, *bars.locked]] = True
     return {reported_name(problem, name) for name, place in problem.where.items() if bool(locked[place].any())}
 
 

@@ -9,7 +9,7 @@ import torch
 
 from matest.brdf import MODELS, Sum
 from matest.capture import Samples
-from matest.capture.idle import twins
+from matest.capture.idle import copied
 from matest.capture.samples import BLOCKS
 from matest.error_bars import ErrorBars
 from matest.estimators import Solution
@@ -92,9 +92,11 @@ def skipped(
             work.append(f"{name}: another component is the diffuse one")
     every = scene.surface.shape[0] * scene.surface.shape[1]
     counts = {"redundant": merged, "unread": unread, "idle": len(idle) * every, "held_out": held_out * every}
-    taken = {*solution.problem.brdf.expression.split("+")}
     tried = {part: None for candidate in candidates for part in candidate.model.split("+")}
-    components = [part for part in tried if part not in taken and not MODELS[part].body]
+    lobes = [part for part in tried if not MODELS[part].body]
+    taken = {*solution.problem.brdf.expression.split("+")}
+    # Where one lobe is there the others are its rivals.
+    components = [] if taken & {*lobes} else lobes
     return {"components": components, "samples": {**samples.skipped, **counts}, "work": work}
 
 
@@ -178,13 +180,13 @@ def warnings(
     out += [
         f"Images {twin} ({capture.names[twin]}) and {image} ({capture.names[image]}) are the same pixels, stated to be "
         "under different lights or exposures: one of the files is not what it should be."
-        for image, twin in twins(capture, samples.images).items()
+        for image, twin in copied(capture, samples.images).items()
     ]
     odd = None if bars.holds or bars.chi2 < _MISFIT else _odd_image(solution)
     if odd is not None:
         image = samples.images[odd[0]]
         out.append(
-            f"Without image {image} ({capture.names[image]}) reduced χ² would fall from {bars.chi2:.3g} to "
+            f"Without image {image} ({capture.names[image]}) χ² per value would fall from {bars.chi2:.3g} to "
             f"{odd[1]:.2g}: check its light, its exposure and whether it shows the same object."
         )
     empty = [capture.names[k] for k, count in zip(samples.images, samples.counts, strict=True) if not count]
@@ -202,12 +204,14 @@ def warnings(
         )
     lost = [name for name, parameter in parameters.items() if parameter.status == "not determined"]
     lost = [name for name in lost if not known_by_ratio(solution.problem, name)]
-    locked = [name for name in lost if name in seen_together(solution, bars)]
+    together = seen_together(solution, bars)
+    locked = [name for name in lost if name in together]
     if len(locked) > 1:
         out.append(f"{' and '.join(locked)} are not determined: these images see only a combination of them; fix one.")
     alone = [name for name in lost if len(locked) < 2 or name not in locked]
     if alone:
-        out.append(f"{' and '.join(alone)} {'are' if len(alone) > 1 else 'is'} not determined by these images.")
+        told = [name + _channels(parameters[name]) for name in alone]
+        out.append(f"{' and '.join(told)} {'are' if len(alone) > 1 else 'is'} not determined by these images.")
     absent = unseen_amplitudes(solution, bars)
     if absent:
         out.append(f"No lobe of {' and '.join(sorted(absent))} is seen: intervals are of one as wide as fits best.")
@@ -217,6 +221,13 @@ def warnings(
         noise = capture.noise
         out.append(f"Noise was estimated from the images: read {noise.read:.2g}, gain {noise.gain:.2g} of full scale.")
     return out + _imprecise(parameters, precision)
+
+
+def _channels(parameter: ParameterEstimate) -> str:
+    """Which channels of a parameter are not determined, where others are."""
+    values = parameter.value if isinstance(parameter.value, list) else []
+    lost = [str(channel) for channel, value in enumerate(values) if value is None]
+    return f" of channel {', '.join(lost)}" if 0 < len(lost) < len(values) else ""
 
 
 def _odd_image(solution: Solution) -> tuple[int, float] | None:

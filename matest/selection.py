@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from matest.capture import Batch, Samples
 from matest.errors import InputError
@@ -33,16 +34,33 @@ _MIN_IMAGES = 3
 _BANDS = 4
 # Better by chance is not better: two standard errors over the parts, and at least this share of the error.
 _STANDARD_ERRORS, _LEAST_GAIN = 2.0, 0.01
+# A model that holds to the noise replaces one that does not: mean squared errors of single values, in units of the
+# noise and each no larger than the second of these, lie below the first.
+_HOLDS, _WILD = 1.1, 16.0
 # Squared relative errors below this are rounding.
 _LEAST_ERROR = 1e-12
 
 
 @dataclass(frozen=True)
 class _Trial:
-    """Prediction of one candidate: squared error of every part when it was left out, relative to its signal."""
+    """Prediction of one candidate.
+
+    Attributes:
+        expression: of the model.
+        errors: squared error of every part when it was left out, relative to its signal.
+        misfit: the same in units of the noise, all parts together; single values count no more than `_WILD`.
+        by_chance: standard deviation of that where the model holds.
+    """
 
     expression: str
     errors: np.ndarray
+    misfit: float
+    by_chance: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether what was left out is met to the noise."""
+        return self.misfit < _HOLDS + 5 * self.by_chance
 
     @property
     def score(self) -> float:
@@ -76,14 +94,17 @@ def select(
     best: _Trial | None = None
     for expression, problem in problems.items():
         progress(f"trying {expression}")
-        errors = np.empty(len(parts))
+        errors, squares = np.empty(len(parts)), []
         for fold in range(min(_FOLDS, len(parts))):
             left = range(fold, len(parts), _FOLDS)
             solution = fit_batches(problem, [part for k, part in enumerate(parts) if k not in left])
             linearisation = Linearisation(solution.problem, solution.unknowns, derivatives=False)
             for k in left:
-                errors[k] = _error(linearisation, parts[k])
-        trial = _Trial(expression, errors)
+                predicted = linearisation.radiance(parts[k])
+                errors[k] = _error(predicted, parts[k])
+                squares.append(_in_noise(predicted, parts[k]))
+        met = torch.cat(squares)
+        trial = _Trial(expression, errors, float(met.mean()), math.sqrt(2 / max(met.numel(), 1)))
         wins, verdicts[expression] = _verdict(trial, best)
         trials.append(trial)
         if wins:
@@ -102,19 +123,25 @@ def _verdict(trial: _Trial, best: _Trial | None) -> tuple[bool, str]:
     gains = 0.5 * np.log(np.maximum(best.errors, _LEAST_ERROR) / np.maximum(trial.errors, _LEAST_ERROR))
     gain, spread = float(gains.mean()), float(gains.std(ddof=1)) / math.sqrt(len(gains))
     share = 1 - math.exp(-gain)
+    if trial.holds and not best.holds:
+        return True, f"meets {{unit}}s left out to their noise, which {best.expression} does not"
     if gain > _STANDARD_ERRORS * spread and share > _LEAST_GAIN:
-        return True, f"predicts {{unit}}s left out better than {best.expression}: error {share:.0%} smaller"
+        return True, f"predicts {{unit}}s left out better than {best.expression}: error typically {share:.0%} smaller"
     if share > 0:
-        return False, f"not clearly better than {best.expression}: error {share:.1%} smaller, within chance"
+        return False, f"not clearly better than {best.expression}: error typically {share:.1%} smaller, within chance"
     return False, f"predicts {{unit}}s left out no better than {best.expression}"
 
 
-def _error(linearisation: Linearisation, batch: Batch) -> float:
-    with torch.no_grad():
-        predicted = linearisation.radiance(batch)
-        # What is dark says nothing of any model.
-        signal = float(batch.radiance.square().mean())
-        return float((predicted - batch.radiance).square().mean()) / signal if signal > 0 else 1.0
+def _error(predicted: Tensor, batch: Batch) -> float:
+    # What is dark says nothing of any model.
+    signal = float(batch.radiance.square().mean())
+    return float((predicted - batch.radiance).square().mean()) / signal if signal > 0 else 1.0
+
+
+def _in_noise(predicted: Tensor, batch: Batch) -> Tensor:
+    """Squared errors of single values in units of the noise, those of saturated ones left out."""
+    squares = ((batch.radiance - predicted).square() / batch.variance(predicted)).clamp(max=_WILD)
+    return (squares if batch.clipped is None else squares[batch.clipped == 0]).flatten()
 
 
 def _parts(batches: list[Batch]) -> list[Batch]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import torch
@@ -13,7 +13,7 @@ from torch import Tensor
 # shading in single precision makes up 1e-7. Below the second they hardly do.
 _SINGULAR, _WEAK = 2e-7, 1e-3
 # A parameter takes part in such a direction if it makes up more than this of it.
-_PARTICIPATES = 0.1
+PARTICIPATES = 0.1
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def fisher(information: Tensor, free: Tensor) -> Covariance:
         scale, told = _units(inside)
         values, vectors = torch.linalg.eigh(inside * scale[:, None] * scale[None, :])
         lost = (values < _SINGULAR) | (values < 1e-12 * values.max())
-        undetermined[index] = (vectors[:, lost].abs() > _PARTICIPATES).any(1) | ~told
+        undetermined[index] = (vectors[:, lost].abs() > PARTICIPATES).any(1) | ~told
         kept = vectors[:, ~lost] / values[~lost].sqrt()
         inverse[index[:, None], index[None, :]] = (kept @ kept.T) * scale[:, None] * scale[None, :]
         lose = undetermined.nonzero()[:, 0]
@@ -70,19 +70,16 @@ def _units(information: Tensor) -> tuple[Tensor, Tensor]:
     return torch.where(told, diagonal.clamp(min=1e-300).rsqrt(), 0.0), told
 
 
-def weak_directions(information: Tensor) -> list[tuple[Tensor, Tensor]]:
-    """Changes of the unknowns by one standard error in directions the data hardly determine, and who takes part.
+def weak_directions(information: Tensor) -> Iterator[Tensor]:
+    """Directions that the data hardly determine: how much of each every unknown makes up, 0 to 1 [P].
 
     Args:
         information: JᵀWJ [P, P].
-
-    Returns:
-        For each, the change and which unknowns make up a good part of it [P].
     """
     scale, _ = _units(information)
     values, vectors = torch.linalg.eigh(information * scale[:, None] * scale[None, :])
-    weak = ((values > _SINGULAR) & (values < _WEAK)).nonzero()[:, 0].tolist()
-    return [(vectors[:, k] * scale / values[k].sqrt(), vectors[:, k].abs() > _PARTICIPATES) for k in weak]
+    for k in ((values > _SINGULAR) & (values < _WEAK)).nonzero()[:, 0].tolist():
+        yield vectors[:, k].abs()
 
 
 def error_of(information: Tensor, direction: Tensor) -> float | None:
@@ -95,7 +92,7 @@ def error_of(information: Tensor, direction: Tensor) -> float | None:
     # In units of the scaled unknowns; one that nothing is known of takes part as it is.
     along = vectors.T @ torch.where(scale > 0, direction * scale, direction)
     lost = (values < _SINGULAR) | (values < 1e-12 * values.max())
-    if float(along[lost].norm()) > _PARTICIPATES * float(along.norm()):
+    if float(along[lost].norm()) > PARTICIPATES * float(along.norm()):
         return None
     return float((along[~lost].square() / values[~lost]).sum()) ** 0.5
 

@@ -4,29 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
-from functools import partial
 
 import torch
-from torch import Tensor
 
 from matest.brdf.base import factor_value, named_by
 from matest.error_bars import ErrorBars
-from matest.estimators import Problem, Solution, accumulate
-from matest.estimators.levenberg_marquardt import minimise
-from matest.uncertainty import fisher, quantile95, weak_directions
+from matest.estimators import Solution, accumulate
+from matest.likelihood_profile import TWO_SIDED, Surroundings
+from matest.uncertainty import PARTICIPATES, fisher, quantile95, weak_directions
 
 # An amplitude this many standard errors above zero is seen: with a width free to be searched for, and several channels,
 # noise alone often looks like two or three.
 _VISIBLE = 4.0
 # Of an unknown that the images say nothing of where it stands other values are tried, this share of its domain away.
 # What has to move by so many standard errors with it, for χ² to stay within its 95 % range, is no better known.
-_PLACES, _LOCKED, _COSTS = (0.05, 0.15, 0.45), 3.0, 3.84
-# Passes to refit the others there.
-_PASSES, _SETTLED = 12, 0.2
-# A valley bends if the information along it changes by this factor within its 95 % range; one that leaves the domain
-# within this share of that is not looked at.
-_BENDS, _ROOM = 2.0, 0.05
+_PLACES, _LOCKED = (0.05, 0.15, 0.45), 3.0
+# A valley bends if χ² at the ends of its 95 % range is off by this factor; an end is not looked at where the domain
+# leaves less than this share of the way to it. Standard errors of this share of a domain are looked at too.
+_BENDS, _ROOM, _WIDE = 2.0, 0.25, 0.05
 
 
 def faint(solution: Solution, bars: ErrorBars, name: str) -> bool:
@@ -70,61 +65,63 @@ def unseen_amplitudes(solution: Solution, bars: ErrorBars) -> set[str]:
     return factors & {*problem.amplitudes}
 
 
-def locked_with_unseen(solution: Solution, bars: ErrorBars) -> frozenset[int]:
+def locked_with_unseen(solution: Solution, bars: ErrorBars, around: Callable[[], Surroundings]) -> frozenset[int]:
     """Positions of unknowns whose error bars hold only for the value of one without effect there, to first order.
 
-    Of such a one the images say nothing where it stands, or no more than that it may be at its bound (`bars.flat`): a
-    conductor's k is one near 0, and n looks well known beside it.
+    Of such a one the images say nothing where it stands: of a conductor's k at 0, and n looks well known beside it.
+
+    Args:
+        solution: the optimum.
+        bars: its error bars.
+        around: gives the likelihood about it.
     """
-    problem, best = solution.problem, solution.statistics
+    problem, statistics = solution.problem, solution.statistics
     width, std = problem.upper - problem.lower, bars.covariance.std
-    blind = (best.information.diagonal() / best.misfit * width.square() < 1) & torch.isfinite(width)
+    blind = (statistics.information.diagonal() / statistics.misfit * width.square() < 1) & torch.isfinite(width)
     names = {place.start + step: name for name, place in problem.where.items() for step in range(problem.count(name))}
     found: set[int] = set()
-    evaluate = partial(accumulate, problem, tiles=solution.tiles, reference=solution.unknowns, misfit=solution.misfit)
-    for position in sorted({*blind.nonzero()[:, 0].tolist(), *bars.flat}):
+    for position in blind.nonzero()[:, 0].tolist():
         if faint(solution, bars, names[position]):
             continue
         value, low, high = (float(of[position]) for of in (solution.unknowns, problem.lower, problem.upper))
         end = high if high - value > value - low else low
-        places = [value + share * (end - value) for share in _PLACES]
-        if position in bars.flat:
-            places = [low + bars.flat[position], *([low] if value > low else [])]
-        for place in places:
-            moved = solution.unknowns.clone()
-            moved[position] = place
-            pinned = replace(problem, pinned={position: place})
-            there = minimise(pinned, moved, evaluate, passes=_PASSES, tolerance=_SETTLED)
-            if there.statistics.total("cost") - best.total("cost") < _COSTS * best.misfit:
-                change = (there.unknowns - moved).abs()
+        for place in (value + share * (end - value) for share in _PLACES):
+            there = around().at(position, place)
+            if there.cost < TWO_SIDED:
+                change = (there.refit.unknowns - solution.unknowns).abs()
                 found |= {*((change > _LOCKED * std) & (std > 0)).nonzero()[:, 0].tolist()} - {position}
     return frozenset(found)
 
 
-def bent(
-    problem: Problem, unknowns: Tensor, information: Tensor, elsewhere: Callable[[Tensor], Tensor]
-) -> frozenset[int]:
-    """Positions of unknowns whose error bars, correct to first order, say nothing: a valley bends within them.
+def bent(solution: Solution, around: Callable[[], Surroundings], share: float = 1.0) -> frozenset[int]:
+    """Positions of unknowns whose error bars, correct to first order, are wrong: a valley bends within them.
 
     A metal's n and k are such: along a curve all give the same reflectance but for its rise towards grazing angles.
 
     Args:
-        problem: what is estimated.
-        unknowns: u [P].
-        information: JᵀWJ there [P, P].
-        elsewhere: gives it at other u.
+        solution: the optimum.
+        around: gives the likelihood about it.
+        share: of the samples that the solution rests on.
     """
+    problem = solution.problem
+    information = solution.statistics.information / solution.statistics.misfit / share
+    covariance, width = fisher(information, torch.ones(problem.size, dtype=torch.bool)), problem.upper - problem.lower
+    valleys = [*weak_directions(information)]
+    for position in ((covariance.std > _WIDE * width) & torch.isfinite(width)).nonzero()[:, 0].tolist():
+        valleys.append(torch.eye(problem.size, dtype=torch.float64)[position])
     found: set[int] = set()
-    for direction, partners in weak_directions(information):
-        for step in (quantile95(math.inf) * direction, -quantile95(math.inf) * direction):
-            room = torch.where(step > 0, problem.upper, problem.lower) - unknowns
-            share = min(float((room / step)[step != 0].min()), 1.0)
-            if share < _ROOM:
+    for valley in valleys:
+        position = int(valley.argmax())
+        value, reach = float(solution.unknowns[position]), quantile95(math.inf) * float(covariance.std[position])
+        for aim in (value - reach, value + reach):
+            place = min(max(aim, float(problem.lower[position])), float(problem.upper[position]))
+            # A bound is nearer than what error bars say: that is another matter.
+            if abs(place - value) < _ROOM * reach or reach == 0:
                 continue
-            moved = share * step
-            ratio = float((moved @ elsewhere(unknowns + moved) @ moved) / (moved @ information @ moved))
-            if not 1 / _BENDS < ratio < _BENDS:
-                found |= {*partners.nonzero()[:, 0].tolist()}
+            expected = TWO_SIDED * ((place - value) / reach) ** 2
+            if not expected / _BENDS < around().at(position, place).cost / share < expected * _BENDS:
+                found |= {*(valley > PARTICIPATES).nonzero()[:, 0].tolist()}
+                break
     return frozenset(found)
 
 

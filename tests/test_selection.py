@@ -42,7 +42,17 @@ def test_rough_diffuse_images_support_oren_nayar() -> None:
     errors = {candidate.model: candidate.relative_rmse for candidate in candidates}
     assert errors["oren-nayar"] < 0.8 * errors["lambert"]
     reasons = {candidate.model: candidate.reason for candidate in candidates}
-    assert "images left out better" in reasons["oren-nayar"]
+    assert reasons["oren-nayar"] == "meets images left out to their noise, which oren-nayar-qualitative does not"
+
+
+def test_a_highlight_in_some_bands_of_the_only_image_is_not_called_chance() -> None:
+    # Three of four bands say nothing of it; but without it the image is not met to its noise.
+    only = tuple((directional(towards, 3.0),) for towards in [(0, 0, 1)])
+    samples = Studio(size=64, lights=only).photograph(CookTorrance(0.4, 0.8, 0.15), seed=1).samples()
+    expression, candidates = select(samples, Constraints(), 0, lambda _: None)
+    assert expression == "cook-torrance"
+    reasons = {candidate.model: candidate.reason for candidate in candidates}
+    assert reasons["cook-torrance"] == "meets bands left out to their noise, which lambert does not"
 
 
 def test_a_model_that_predicts_every_image_better_is_not_called_chance(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 # Pixels that are compared before all of them are.
 _GLANCE = 1024
+# An image is even if no larger share of its pixels differs from most of them.
+_EVEN = 0.01
 
 
 def without_copies(capture: Capture) -> Capture:
@@ -61,16 +63,17 @@ def idle(capture: Capture, images: Iterable[int]) -> dict[int, str]:
 def twins(capture: Capture, images: Iterable[int]) -> dict[int, int]:
     """Of some images those that are an earlier one pixel by pixel, and which.
 
-    Of several that are, one stated to be under the same light. Images of one value are not compared.
+    Of several that are, one stated to be under the same light.
     """
     found: dict[int, int] = {}
-    # Most are told apart by a few values from their middle, and no more is read of them.
+    # Most are told apart by a few values, and no more is read of them.
     likely: dict[bytes, list[int]] = {}
     for image in images:
         pixels = capture.stored[image]
-        middle = pixels[len(pixels) // 2 : len(pixels) // 2 + _GLANCE]
-        others = likely.setdefault(middle.tobytes(), [])
-        if others and (pixels != pixels[:1]).any():
+        # Zeros have two signs.
+        glance = pixels[:: max(len(pixels) // _GLANCE, 1)] + 0
+        others = likely.setdefault(glance.tobytes(), [])
+        if others:
             same = [other for other in others if np.array_equal(pixels, capture.stored[other])]
             same.sort(key=lambda other: not _stated_alike(capture, image, other))
             found |= {image: same[0]} if same else {}
@@ -79,6 +82,23 @@ def twins(capture: Capture, images: Iterable[int]) -> dict[int, int]:
         for other in others:
             capture.release(other)
     return found
+
+
+def copied(capture: Capture, images: Iterable[int]) -> dict[int, int]:
+    """`twins` that are stated to be under different lights or exposures; but for images that are even all over.
+
+    Black and clipped ones are alike whatever the light.
+    """
+    found = twins(capture, images)
+    return {
+        image: twin
+        for image, twin in found.items()
+        if not _stated_alike(capture, image, twin) and _varied(capture.stored[image])
+    }
+
+
+def _varied(pixels: np.ndarray) -> bool:
+    return float((pixels != np.median(pixels, axis=0)).any(axis=1).mean()) > _EVEN
 
 
 def _lit(capture: Capture, image: int) -> bool:

@@ -127,7 +127,7 @@ def _explain(message: str, kind: type) -> str:
         return f"the key '{missing.group(1)}' is missing {inside}".rstrip() + "; add it."
     choice = re.search(r"Invalid enum value '?(.+?)'?$", text)
     if choice:
-        known = [c for c in _choices(kind, where) if isinstance(c, str)]
+        known = [str(c) for c in _choices(kind, where) if isinstance(c, str) or type(c) is int]
         number = " or a number" if any(c in (int, float) for c in _choices(kind, where)) else ""
         return f"{where}: unknown value '{choice.group(1)}'; expected {' or '.join(known)}{number}."
     expected = text.replace("Expected", "expected").replace("`", "").replace("array", "a list")

@@ -167,14 +167,12 @@ class Problem:
 
     def ordered(self, unknowns: Tensor) -> Tensor:
         """The same material with lobes in their order, where nothing that is held or tied tells them apart."""
-        values, ordered = self.values(unknowns), self.material(unknowns).ordered.parameters
-        given = {**self.held, **self.ties}
-        if any(not torch.equal(torch.as_tensor(ordered[name]), torch.as_tensor(values[name])) for name in given):
-            return unknowns
+        ordered = self.material(unknowns).ordered.parameters
         out = unknowns.clone()
         for name, place in self.where.items():
             out[place] = ordered[name]
-        return out
+        kept = all(torch.allclose(torch.as_tensor(value), ordered[name]) for name, value in self.values(out).items())
+        return out if kept else unknowns
 
     def material(self, unknowns: Tensor) -> Brdf:
         return self.brdf.replace(self.values(unknowns))

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from matest.capture import Capture, Samples
 from matest.errors import InputError
-from matest.identifiability.forecast import Forecast, as_estimated, forecast, unknowns_at, usable
+from matest.identifiability.forecast import Forecast, as_estimated, bent_near, forecast, unknowns_at, usable
 from matest.identifiability.next_light import NextLight, next_light, with_light
 from matest.identifiability.plan import Plan, exposed
 from matest.identifiability.reasons import Nearness, Reasons
@@ -23,7 +23,6 @@ from matest.parameters import Domain
 from matest.result import Number, ParameterEstimate
 from matest.shader import gathered_light, lit_directions
 from matest.specification import Constraints, Specification, Value, by_path, specify
-from matest.unseen import bent
 
 SCHEMA = "matest.check/1"
 # What is checked of a capture when no model is named: the largest that `auto` tries.
@@ -184,12 +183,14 @@ def check(
         if wider.problem.free != found.problem.free:
             after, _ = as_estimated(samples, specification, values, partial(with_light, capture, light=advised))
         light = _advice(found, advised, after)
+        if not light.resolves and light.worst[1] >= light.worst[0]:
+            light = None
     relative = capture.relative
     return Check(
         capture=capture.name,
         model=problem.brdf.replace(values).expression,
         parameters=_predictions(
-            spread, Reasons(found, nearness, relative, _bent(found, samples)), Reasons(wider, nearness, relative)
+            spread, Reasons(found, nearness, relative, bent_near(found, samples)), Reasons(wider, nearness, relative)
         ),
         light=light,
         images=len(capture),
@@ -243,16 +244,6 @@ def _levels(
 
 def _inside(domain: Domain, value: Tensor) -> Tensor:
     return value.clamp(min=domain.lower, max=domain.upper)
-
-
-def _bent(found: Forecast, samples: Samples) -> tuple[str, ...]:
-    """Names of the parameters whose standard errors hold near the values assumed only."""
-
-    def elsewhere(unknowns: Tensor) -> Tensor:
-        return forecast(samples, found.problem, unknowns).information
-
-    positions = bent(found.problem, found.unknowns, found.information, elsewhere)
-    return tuple(name for name, place in found.problem.where.items() if positions & {*range(place.start, place.stop)})
 
 
 def _tried(found: Forecast, levels: Sequence[Mapping[str, Tensor]], values: Mapping[str, Tensor]) -> dict[str, list]:

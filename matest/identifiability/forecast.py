@@ -5,23 +5,25 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from matest.capture import Capture, Samples
+from matest.capture import Batch, Capture, Samples
 from matest.capture.samples import TILE
 from matest.error_bars import ErrorBars
 from matest.estimation import worth_freeing
 from matest.estimators import Problem, Solution, Statistics, accumulate
 from matest.estimators.moments import scores
 from matest.identifiability.plan import photographed
+from matest.likelihood_profile import surroundings
 from matest.parameter_estimates import parameter_estimates
 from matest.result import ParameterEstimate
 from matest.specification import Specification, freed
 from matest.uncertainty import fisher
+from matest.unseen import bent
 
 # More samples than this are thinned evenly: information is an integral over the images, and needs no more.
 _ENOUGH = 400_000
@@ -103,16 +105,11 @@ def usable(capture: Capture, problem: Problem, unknowns: Tensor) -> Samples:
     return photographed(capture, problem.material(unknowns)).samples(dtype=torch.float64)
 
 
-def forecast(samples: Samples, problem: Problem, unknowns: Tensor) -> Forecast:
-    """The information of predicted photographs.
-
-    Args:
-        samples: of `usable`.
-        problem: what will be estimated; it may have more free parameters than the samples were predicted with.
-        unknowns: u [P] of the problem.
-    """
+def thinned(samples: Samples) -> tuple[list[list[Callable[[], Batch]]], dict[int, float]]:
+    """Tiles of at most so many samples as are enough, and how many each stands for, by position of the image."""
     share = max(len(samples) / _ENOUGH, 1.0)
-    tiles, weights = [], {}
+    tiles: list[list[Callable[[], Batch]]] = []
+    weights: dict[int, float] = {}
     for position, image in enumerate(samples.images):
         index = samples.indices(position)
         kept = index[np.arange(0, len(index), share).astype(int)]
@@ -122,10 +119,32 @@ def forecast(samples: Samples, problem: Problem, unknowns: Tensor) -> Forecast:
         tiles.append(
             [partial(samples.at, image, kept[start : start + TILE], position) for start in range(0, len(kept), TILE)]
         )
+    return tiles, weights
+
+
+def forecast(samples: Samples, problem: Problem, unknowns: Tensor) -> Forecast:
+    """The information of predicted photographs.
+
+    Args:
+        samples: of `usable`.
+        problem: what will be estimated; it may have more free parameters than the samples were predicted with.
+        unknowns: u [P] of the problem.
+    """
+    tiles, weights = thinned(samples)
     statistics = accumulate(problem, unknowns, tiles, unknowns)
     each = torch.tensor([weights[position] for position in statistics.labels.tolist()], dtype=torch.float64)
     information = (each[:, None, None] * statistics.informations).sum(0)
     return Forecast(problem, unknowns, information, len(samples) * samples.capture.channels)
+
+
+def bent_near(found: Forecast, samples: Samples) -> tuple[str, ...]:
+    """Names of the parameters whose standard errors hold near the values assumed only."""
+    tiles, weights = thinned(samples)
+    statistics = accumulate(found.problem, found.unknowns, tiles, found.unknowns)
+    solution = Solution(found.problem, found.unknowns, statistics, 1, 0.0, True, tiles=tiles)
+    share = 1 / max(weights.values(), default=1.0)
+    positions = bent(solution, cache(partial(surroundings, solution)), share)
+    return tuple(name for name, place in found.problem.where.items() if positions & {*range(place.start, place.stop)})
 
 
 def as_estimated(

@@ -70,8 +70,7 @@ class Reasons:
         if absent := self._absent(name):
             return absent
         if name in self.bent:
-            both = " and ".join(self.bent)
-            return f"{both} are seen in combination, along a curve: errors hold only near the values assumed"
+            return f"errors of {' and '.join(self.bent)} hold only very near the values assumed"
         # Known well if only the others were given, it is seen: something else takes its part.
         if self._alone(name) > _BARELY and (unseen := self._unseen(name)):
             return unseen

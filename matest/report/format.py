@@ -28,9 +28,16 @@ def rows(name: str, parameter: ParameterEstimate, channels: tuple[str, ...]) -> 
     stds = std if isinstance(std, list) else [None] * len(value)
     intervals = interval or [None] * len(value)
     return [
-        (f"{name} {channel}", *_cells(one, error, span, parameter.unit), parameter.status)
+        (f"{name} {channel}", *_cells(one, error, span, parameter.unit), _state(parameter.status, one, error))
         for channel, one, error, span in zip(channels, value, stds, intervals, strict=False)
     ]
+
+
+def _state(status: str, value: float | None, std: float | None) -> str:
+    """What is known of one channel of a parameter whose status is that of the least known one."""
+    if status in ("fixed", "tied"):
+        return status
+    return "not determined" if value is None else "at bound" if std is None else "determined"
 
 
 def share(value: float | None) -> str:

@@ -40,6 +40,9 @@ def estimate_table(estimate: Estimate) -> Group:
     parts.append(table)
     parts.append(Text(fit.message))
     summary = f"relative rms error {fit.relative_rmse:.2%}, {fit.samples_used:,} of {fit.samples:,} samples"
+    saturated = estimate.skipped.get("samples", {}).get("saturated", 0)
+    if saturated:
+        summary += f" and {saturated:,} saturated ones"
     if estimate.holdout:
         summary += f", {share(estimate.holdout['relative_rmse'])} on the images left out"
     parts.append(Text(summary + "."))

@@ -12,7 +12,7 @@ import pytest
 from matest import load_capture
 from matest.brdf import OrenNayar
 from matest.capture import Capture
-from matest.capture.idle import idle, twins, without_copies
+from matest.capture.idle import copied, idle, without_copies
 from matest.estimation import estimate, predict
 from matest.simulate import simulate
 from tests import scenes
@@ -116,14 +116,20 @@ def test_photographs_that_differ_in_anything_are_two(change: str) -> None:
     changed = replace(capture, stored=(stored, other), exposures=exposures, scene=replace(capture.scene, lights=lights))
     assert idle(changed, range(2)) == {}
     # The same pixels under another light cannot be: one of the files is a copy.
-    assert twins(changed, range(2)) == ({} if change == "pixels" else {1: 0})
+    assert copied(changed, range(2)) == ({} if change == "pixels" else {1: 0})
     told = any("are the same pixels" in warning for warning in estimate(changed, "lambert").warnings)
     assert told is (change != "pixels")
 
 
-def test_images_of_one_value_are_no_twins() -> None:
-    capture = grey()
-    assert twins(replace(capture, stored=tuple(0 * pixels for pixels in capture.stored)), range(3)) == {}
+def test_black_images_are_alike_under_any_light_but_count_once_under_one() -> None:
+    lights = tuple((directional(d, 3.0),) for d in (*DIRECTIONS[:2], DIRECTIONS[1]))
+    capture = Studio(size=32, lights=lights).photograph(TRUTH, seed=1)
+    black = [0 * pixels for pixels in capture.stored]
+    for pixels in black:
+        pixels[7] = 0.5  # a dead pixel
+    even = replace(capture, stored=tuple(black))
+    assert copied(even, range(3)) == {}
+    assert list(idle(even, range(3))) == [2]
 
 
 def test_an_image_without_light_adds_nothing() -> None:

@@ -127,3 +127,11 @@ def test_three_channels_are_red_green_and_blue(count: int, names: tuple[str, ...
 @pytest.mark.parametrize(("value", "text"), [(1.0234, "1.02"), (0.987, "0.99"), (42.0, "42.00"), (1234.5, "1.23e+03")])
 def test_chi2_is_read_at_a_glance(value: float, text: str) -> None:
     assert chi2(value) == text
+
+
+def test_every_channel_of_a_parameter_has_its_own_status() -> None:
+    lost = [None, 0.5, 1.0]
+    some = ParameterEstimate(lost, [None, 0.01, None], [None, [0.48, 0.52], [0.9, 1.0]], "1", "not determined", "")
+    assert [row[-1] for row in rows("specular", some, ("R", "G", "B"))] == ["not determined", "determined", "at bound"]
+    fixed = ParameterEstimate([0.1, 0.2, 0.3], None, None, "1", "fixed", "")
+    assert {row[-1] for row in rows("diffuse", fixed, ("R", "G", "B"))} == {"fixed"}
