@@ -104,7 +104,8 @@ def bent(solution: Solution, around: Callable[[], Surroundings], share: float = 
         share: of the samples that the solution rests on.
     """
     problem = solution.problem
-    information = solution.statistics.information / solution.statistics.misfit / share
+    unit = solution.statistics.misfit * share
+    information, gradient = solution.statistics.information / unit, solution.statistics.gradient / unit
     covariance, width = fisher(information, torch.ones(problem.size, dtype=torch.bool)), problem.upper - problem.lower
     valleys = [*weak_directions(information)]
     for position in ((covariance.std > _WIDE * width) & torch.isfinite(width)).nonzero()[:, 0].tolist():
@@ -112,13 +113,16 @@ def bent(solution: Solution, around: Callable[[], Surroundings], share: float = 
     found: set[int] = set()
     for valley in valleys:
         position = int(valley.argmax())
-        value, reach = float(solution.unknowns[position]), quantile95(math.inf) * float(covariance.std[position])
+        value, std = float(solution.unknowns[position]), float(covariance.std[position])
+        reach, pull = quantile95(math.inf) * std, float(covariance.matrix[position] @ gradient)
         for aim in (value - reach, value + reach):
             place = min(max(aim, float(problem.lower[position])), float(problem.upper[position]))
             # A bound is nearer than what error bars say: that is another matter.
-            if abs(place - value) < _ROOM * reach or reach == 0:
+            step = place - value
+            if abs(step) < _ROOM * reach or std == 0:
                 continue
-            expected = TWO_SIDED * ((place - value) / reach) ** 2
+            # At a bound the data pull an unknown outward.
+            expected = step * (step - 2 * pull) / std**2
             if not expected / _BENDS < around().at(position, place).cost / share < expected * _BENDS:
                 found |= {*(valley > PARTICIPATES).nonzero()[:, 0].tolist()}
                 break
