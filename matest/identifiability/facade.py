@@ -307,8 +307,10 @@ def _predictions(spread: Sequence[Forecast], why: Reasons, why_held: Reasons) ->
             if len(spread) > 1:
                 among = _among([float(level.relative_std[place].max()) for level in spread])
             lost = status == "not determined"
-            status = "weak" if status == "determined" and (relative > _WEAK or source in why.bent) else status
+            status = "weak" if status == "determined" and relative > _WEAK else status
             reason = why.of(source) if status in ("weak", "not determined") else why.locked(source) or ""
+            if status == "determined" and source in why.bent:
+                status, reason = "weak", why.curved
             relative = None if lost else relative
             if known_by_ratio(problem, name):
                 among, reason = None, f"only {reported_name(problem, name)} is seen without coherent light"

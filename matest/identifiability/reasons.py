@@ -69,8 +69,6 @@ class Reasons:
             return "no image has a usable sample"
         if absent := self._absent(name):
             return absent
-        if name in self.bent:
-            return f"errors of {' and '.join(self.bent)} hold only very near the values assumed"
         # Known well if only the others were given, it is seen: something else takes its part.
         if self._alone(name) > _BARELY and (unseen := self._unseen(name)):
             return unseen
@@ -83,6 +81,11 @@ class Reasons:
             return self._pair(name, *next(iter(others.items())))
         *most, last = [name, *others]
         return f"{', '.join(most)} and {last} are seen only in combination"
+
+    @property
+    def curved(self) -> str:
+        """That errors to first order say little of what lies along a valley that bends."""
+        return f"errors of {' and '.join(self.bent)} hold only very near the values assumed"
 
     def locked(self, name: str) -> str | None:
         """That a parameter carries the unknown scale of the light; None if it does not."""
