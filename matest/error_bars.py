@@ -40,7 +40,7 @@ class ErrorBars:
         kind: what the error bars rest on.
         flat: for unknowns at a lower bound where the model is flat in them to first order, about how far inside the
             domain the truth may lie.
-        intervals: of 95 %, of the unknowns at or near a bound.
+        intervals: of 95 %, of the unknowns at or near a bound and along valleys that bend.
         locked: positions of unknowns that move with one that the images say nothing of where it stands.
         bent: positions of unknowns along a valley of the likelihood that bends within their standard errors.
     """
