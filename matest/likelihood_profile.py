@@ -51,10 +51,12 @@ class Surroundings:
     Attributes:
         best: its optimum.
         evaluate: statistics at any unknowns.
+        share: of all samples that these are of.
     """
 
     best: Solution
     evaluate: Evaluate
+    share: float = 1.0
 
     def at(self, position: int, value: float, near: Solution | None = None) -> Rise:
         """Refit all unknowns but one, starting from a refit near it; None: from the optimum. Costs allow for misfit."""
@@ -66,17 +68,17 @@ class Surroundings:
         # Where the quadratic model expects them.
         start = start + bounded_step(pinned, start, information, gradient - information @ (start - near.unknowns))
         found = minimise(pinned, start, self.evaluate, passes=_PASSES, tolerance=_SETTLED)
-        unit = self.best.statistics.misfit
+        unit = self.best.statistics.misfit * self.share
         slope = -2 * float(found.statistics.gradient[position]) / unit
         return Rise(value, (_lowest(found) - _lowest(self.best)) / unit, slope, found)
 
 
-def surroundings(solution: Solution) -> Surroundings:
-    """Expand the likelihood about a solution."""
+def surroundings(solution: Solution, share: float = 1.0) -> Surroundings:
+    """Expand the likelihood about a solution, whose tiles are of a share of all samples."""
     reference = solution.unknowns
     evaluate = passes_over(solution.problem, solution.tiles, reference, reference, solution.misfit)
     best = minimise(solution.problem, reference, evaluate, passes=_PASSES, tolerance=_SETTLED)
-    return Surroundings(best, evaluate)
+    return Surroundings(best, evaluate, share)
 
 
 @dataclass(frozen=True)

@@ -49,8 +49,7 @@ def fisher(information: Tensor, free: Tensor) -> Covariance:
     if len(index):
         inside = information[index][:, index]
         scale, told = _units(inside)
-        values, vectors = torch.linalg.eigh(inside * scale[:, None] * scale[None, :])
-        lost = (values < _SINGULAR) | (values < 1e-12 * values.max())
+        values, vectors, lost = _spectrum(inside, scale)
         undetermined[index] = (vectors[:, lost].abs() > PARTICIPATES).any(1) | ~told
         kept = vectors[:, ~lost] / values[~lost].sqrt()
         inverse[index[:, None], index[None, :]] = (kept @ kept.T) * scale[:, None] * scale[None, :]
@@ -70,6 +69,12 @@ def _units(information: Tensor) -> tuple[Tensor, Tensor]:
     return torch.where(told, diagonal.clamp(min=1e-300).rsqrt(), 0.0), told
 
 
+def _spectrum(information: Tensor, scale: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Eigenvalues and vectors of the scaled information, and which of them the data do not determine."""
+    values, vectors = torch.linalg.eigh(information * scale[:, None] * scale[None, :])
+    return values, vectors, values < _SINGULAR
+
+
 def weak_directions(information: Tensor) -> Iterator[Tensor]:
     """Directions that the data hardly determine: how much of each every unknown makes up, 0 to 1 [P].
 
@@ -77,8 +82,8 @@ def weak_directions(information: Tensor) -> Iterator[Tensor]:
         information: JᵀWJ [P, P].
     """
     scale, _ = _units(information)
-    values, vectors = torch.linalg.eigh(information * scale[:, None] * scale[None, :])
-    for k in ((values > _SINGULAR) & (values < _WEAK)).nonzero()[:, 0].tolist():
+    values, vectors, lost = _spectrum(information, scale)
+    for k in (~lost & (values < _WEAK)).nonzero()[:, 0].tolist():
         yield vectors[:, k].abs()
 
 
@@ -88,10 +93,9 @@ def error_of(information: Tensor, direction: Tensor) -> float | None:
     A combination may be well determined though none of its unknowns is.
     """
     scale, _ = _units(information)
-    values, vectors = torch.linalg.eigh(information * scale[:, None] * scale[None, :])
+    values, vectors, lost = _spectrum(information, scale)
     # In units of the scaled unknowns; one that nothing is known of takes part as it is.
     along = vectors.T @ torch.where(scale > 0, direction * scale, direction)
-    lost = (values < _SINGULAR) | (values < 1e-12 * values.max())
     if float(along[lost].norm()) > PARTICIPATES * float(along.norm()):
         return None
     return float((along[~lost].square() / values[~lost]).sum()) ** 0.5

@@ -93,7 +93,7 @@ def locked_with_unseen(solution: Solution, bars: ErrorBars, around: Callable[[],
     return frozenset(found)
 
 
-def bent(solution: Solution, around: Callable[[], Surroundings], share: float = 1.0) -> frozenset[int]:
+def bent(solution: Solution, around: Callable[[], Surroundings]) -> frozenset[int]:
     """Positions of unknowns whose error bars, correct to first order, are wrong: a valley bends within them.
 
     A metal's n and k are such: along a curve all give the same reflectance but for its rise towards grazing angles.
@@ -101,10 +101,8 @@ def bent(solution: Solution, around: Callable[[], Surroundings], share: float = 
     Args:
         solution: the optimum.
         around: gives the likelihood about it.
-        share: of the samples that the solution rests on.
     """
-    problem = solution.problem
-    unit = solution.statistics.misfit * share
+    problem, unit = solution.problem, solution.statistics.misfit
     information, gradient = solution.statistics.information / unit, solution.statistics.gradient / unit
     covariance, width = fisher(information, torch.ones(problem.size, dtype=torch.bool)), problem.upper - problem.lower
     valleys = [*weak_directions(information)]
@@ -123,7 +121,7 @@ def bent(solution: Solution, around: Callable[[], Surroundings], share: float = 
                 continue
             # At a bound the data pull an unknown outward.
             expected = step * (step - 2 * pull) / std**2
-            if not expected / _BENDS < around().at(position, place).cost / share < expected * _BENDS:
+            if not expected / _BENDS < around().at(position, place).cost < expected * _BENDS:
                 found |= {*(valley > PARTICIPATES).nonzero()[:, 0].tolist()}
                 break
     return frozenset(found)

@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from matest.benchmark.task import Trace, Values, distance
+from matest.brdf import CookTorrance
 
 # A curve is told by no more points than this.
 POINTS = 40
@@ -114,8 +115,9 @@ class Yardstick:
 
 
 def in_order(values: Mapping[str, Tensor]) -> Values:
-    """The same material with the narrower of two lobes first, as in `Brdf.ordered`."""
-    if "slope_2" not in values or not bool(values["slope"] > values["slope_2"]):
+    """The same material with the narrower of two lobes first."""
+    if "slope_2" not in values:
         return dict(values)
-    swapped = {"slope": values["slope_2"], "slope_2": values["slope"], "weight_2": 1 - values["weight_2"]}
-    return {**values, **swapped}
+    lobes = {name: values[name] for name in ("slope", "slope_2", "weight_2")}
+    ordered = CookTorrance(lobes="2").replace(lobes).ordered.parameters
+    return {**values, **{name: ordered[name] for name in lobes}}

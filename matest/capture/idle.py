@@ -66,13 +66,11 @@ def twins(capture: Capture, images: Iterable[int]) -> dict[int, int]:
     Of several that are, one stated to be under the same light.
     """
     found: dict[int, int] = {}
-    # Most are told apart by a few values, and no more is read of them.
     likely: dict[bytes, list[int]] = {}
     for image in images:
         pixels = capture.stored[image]
         # Zeros have two signs.
-        glance = pixels[:: max(len(pixels) // _GLANCE, 1)] + 0
-        others = likely.setdefault(glance.tobytes(), [])
+        others = likely.setdefault((_glance(pixels) + 0).tobytes(), [])
         if others:
             same = [other for other in others if np.array_equal(pixels, capture.stored[other])]
             same.sort(key=lambda other: not _stated_alike(capture, image, other))
@@ -122,9 +120,12 @@ def _stated_alike(capture: Capture, image: int, other: int) -> bool:
 
 
 def _equal(one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether two arrays are the same; most are told apart by a few values from their middle, and no more is read."""
-    glance = slice(len(one) // 2, len(one) // 2 + _GLANCE)
-    return np.array_equal(one[glance], other[glance]) and np.array_equal(one, other)
+    return np.array_equal(_glance(one), _glance(other)) and np.array_equal(one, other)
+
+
+def _glance(pixels: np.ndarray) -> np.ndarray:
+    """A few values from their middle: they tell most images apart, and no more is read of those."""
+    return pixels[len(pixels) // 2 : len(pixels) // 2 + _GLANCE]
 
 
 def _colours(capture: Capture) -> list[Tensor]:

@@ -84,15 +84,18 @@ class Forecast:
 
     def estimates(self) -> dict[str, ParameterEstimate]:
         """Every parameter as `estimate` would report it if it found exactly these values."""
-        problem = self.problem
-        everything = torch.ones(problem.size, dtype=torch.bool)
+        everything = torch.ones(self.problem.size, dtype=torch.bool)
         covariance = fisher(self.information, everything)
-        none = torch.zeros(problem.size).double()
+        bars = ErrorBars(covariance, covariance, ~everything, 1.0, 1.0, True, "fisher")
+        return parameter_estimates(self.solution, bars)
+
+    @property
+    def solution(self) -> Solution:
+        """What `estimate` would find if it found exactly these values."""
+        none = torch.zeros(self.problem.size).double()
         counts = scores(values=self.values, samples=self.values, squared_signal=1.0)
         statistics = Statistics(torch.zeros(1).long(), self.information[None], none[None], counts)
-        solution = Solution(problem, self.unknowns, statistics, 1, 0.0, True)
-        bars = ErrorBars(covariance, covariance, ~everything, 1.0, 1.0, True, "fisher")
-        return parameter_estimates(solution, bars)
+        return Solution(self.problem, self.unknowns, statistics, 1, 0.0, True)
 
 
 def unknowns_at(problem: Problem, values: Mapping[str, Tensor]) -> Tensor:
@@ -140,10 +143,8 @@ def forecast(samples: Samples, problem: Problem, unknowns: Tensor) -> Forecast:
 def bent_near(found: Forecast, samples: Samples) -> tuple[str, ...]:
     """Names of the parameters whose standard errors hold near the values assumed only."""
     tiles, weights = thinned(samples)
-    statistics = accumulate(found.problem, found.unknowns, tiles, found.unknowns)
-    solution = Solution(found.problem, found.unknowns, statistics, 1, 0.0, True, tiles=tiles)
     share = 1 / max(weights.values(), default=1.0)
-    positions = bent(solution, cache(partial(surroundings, solution)), share)
+    positions = bent(found.solution, cache(partial(surroundings, replace(found.solution, tiles=tiles), share)))
     return tuple(name for name, place in found.problem.where.items() if positions & {*range(place.start, place.stop)})
 
 
