@@ -13,32 +13,32 @@ from matest.errors import InputError
 if TYPE_CHECKING:
     from matest import brdf, losses
     from matest.capture import Capture, load_capture
-    from matest.estimation import estimate, predict
-    from matest.estimators.gradient import fit_gradient
+    from matest.estimation.estimate import estimate, predict
+    from matest.estimation.result import Estimate, load_material
     from matest.identifiability import check, load_plan
-    from matest.result import Estimate, load_material
     from matest.scene import Scene
-    from matest.shader import render, shade
+    from matest.shading import render, shade
     from matest.simulate import load_scene
-    from matest.trainable import Trainable
+    from matest.training.gradient import fit_gradient
+    from matest.training.trainable import Trainable
 
 __version__ = "0.1.0"
 
 _HOME = {
     "Capture": "matest.capture",
-    "Estimate": "matest.result",
+    "Estimate": "matest.estimation.result",
     "Scene": "matest.scene",
-    "Trainable": "matest.trainable",
+    "Trainable": "matest.training.trainable",
     "check": "matest.identifiability",
-    "estimate": "matest.estimation",
-    "fit_gradient": "matest.estimators.gradient",
+    "estimate": "matest.estimation.estimate",
+    "fit_gradient": "matest.training.gradient",
     "load_capture": "matest.capture",
-    "load_material": "matest.result",
+    "load_material": "matest.estimation.result",
     "load_plan": "matest.identifiability",
     "load_scene": "matest.simulate",
-    "predict": "matest.estimation",
-    "render": "matest.shader",
-    "shade": "matest.shader",
+    "predict": "matest.estimation.estimate",
+    "render": "matest.shading",
+    "shade": "matest.shading",
 }
 _MODULES = ("brdf", "losses")
 

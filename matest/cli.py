@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import matest
-from matest import arguments
-from matest.benchmark_command import benchmark
-from matest.check_command import check
-from matest.console import Say, console, note, print_json, progress
+from matest.commands import arguments
+from matest.commands.benchmark import benchmark
+from matest.commands.check import check
+from matest.commands.console import Say, console, note, print_json, progress
 from matest.errors import InputError
 
 if TYPE_CHECKING:
     from matest.capture import Capture
-    from matest.result import Estimate
+    from matest.estimation.result import Estimate
 
 app = typer.Typer(
     add_completion=False,
@@ -85,8 +85,8 @@ def estimate(
     material.json, report.html, profile.csv and pictures.
     """
     from matest.capture.capture import capture_file
+    from matest.estimation.specification import Constraints, specify
     from matest.report.folder import check_destination
-    from matest.specification import Constraints, specify
 
     constraints = Constraints(
         dict(map(arguments.assignment, fix or [])), tuple(free or ()), dict(map(arguments.pair, tie or []))
@@ -135,9 +135,9 @@ def predict(
     Prints the error against each photograph; writes linear radiance (NN.exr), pictures and prediction.json to OUT
     (default: RESULT-predict-<capture name>).
     """
-    from matest.estimation import image_errors
+    from matest.estimation.estimate import image_errors
+    from matest.estimation.result import load_material, material_is_relative
     from matest.report.folder import check_destination, write_prediction
-    from matest.result import load_material, material_is_relative
 
     material = load_material(result)
     folder = result if result.is_dir() else result.parent
@@ -194,7 +194,7 @@ def compare(
     Prints rms and maximum difference in brightness from the first image; writes a plot and a CSV file.
     """
     from matest import profiles
-    from matest.capture.images import read_image
+    from matest.photographs.images import read_image
     from matest.report.pictures import write_columns
     from matest.report.plots import plot_profiles
 
@@ -348,7 +348,7 @@ def _as_fractions(image: Any) -> Any:
     """Pixel values as floats: integers as fractions of full scale, floats as stored."""
     import numpy as np
 
-    from matest.capture.images import full_scale
+    from matest.photographs.images import full_scale
 
     return image.astype(np.float64) / full_scale(image.dtype)
 

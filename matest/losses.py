@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from matest.capture import Batch
+from matest.samples import Batch
 
 
 def photometric(rendered: Tensor, measured: Tensor, weight: Tensor | None = None) -> Tensor:

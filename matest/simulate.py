@@ -22,12 +22,12 @@ from matest.brdf import Brdf, model, preset
 from matest.capture import schema
 from matest.capture.assembly import Folder, build_encoding, build_scene, build_surface
 from matest.capture.capture import capture_file, references
-from matest.capture.images import read_image, read_mask, write_image
-from matest.capture.photometry import Encoding, Noise
 from matest.errors import InputError
+from matest.estimation.specification import optics, resolve
+from matest.photographs.images import read_image, read_mask, write_image
+from matest.photographs.photometry import Encoding, Noise
 from matest.scene import Scene
-from matest.shader import render_image
-from matest.specification import optics, resolve
+from matest.shading import render_image
 
 # Exposure of integer images whose scale is not given: the brightest pixel at this share of full scale.
 _EXPOSED = 0.9

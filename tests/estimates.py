@@ -6,7 +6,8 @@ from dataclasses import replace
 from typing import Any
 
 from matest.brdf import OrenNayar
-from matest.result import Candidate, Estimate, Fit, ParameterEstimate
+from matest.estimation.result import Candidate, Estimate, Fit
+from matest.inference.quantities import ParameterEstimate
 
 ALBEDO = ParameterEstimate(
     value=[0.7, 0.6, 0.5],

@@ -8,9 +8,9 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor
 
+from matest.estimation.specification import Constraints, Value, specify
 from matest.estimators import Problem
 from matest.estimators.moments import Statistics, scores
-from matest.specification import Constraints, Value, specify
 
 
 def problem(

@@ -11,9 +11,9 @@ import torch
 
 from matest.brdf import Brdf
 from matest.capture import Capture
-from matest.capture.photometry import Encoding, Noise
+from matest.photographs.photometry import Encoding, Noise
 from matest.scene import DirectionalLight, Scene
-from matest.shader import render
+from matest.shading import render
 from tests.captures import directional, sphere_surface
 
 # Lights on all sides of the viewer: highlights inside the outline, and grazing light.

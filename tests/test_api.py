@@ -25,7 +25,7 @@ def test_every_public_name_can_be_imported() -> None:
 
 def test_the_names_survive_importing_the_modules() -> None:
     import matest.cli
-    import matest.estimation
+    import matest.estimation.estimate
 
     assert callable(matest.estimate)
     assert callable(matest.render)

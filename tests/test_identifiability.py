@@ -16,13 +16,13 @@ import torch
 import matest
 from matest.brdf import CookTorrance, Lambert, model
 from matest.capture import Capture
-from matest.capture.photometry import Encoding, Noise
+from matest.estimation.specification import Constraints, specify
 from matest.identifiability import Check, Plan, check
 from matest.identifiability.forecast import forecast, unknowns_at, usable
 from matest.identifiability.next_light import hemisphere
 from matest.identifiability.reasons import Nearness, Reasons
+from matest.photographs.photometry import Encoding, Noise
 from matest.simulate import simulate
-from matest.specification import Constraints, specify
 from tests import scenes
 from tests.captures import directional, refusal
 from tests.simulated import CAMERA, DIRECTIONS, Studio

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 import matest
-from matest.result import Estimate
+from matest.estimation.result import Estimate
 from matest.simulate import simulate
 from tests import scenes
 

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 from matest import load_capture
-from matest.capture.images import read_image, write_image
+from matest.photographs.images import read_image, write_image
 from matest.simulate import load_scene, radiance, simulate
 from tests import scenes
 from tests.captures import refusal

@@ -8,7 +8,10 @@ from typing import NamedTuple
 
 from rich.console import RenderableType
 
-from matest.benchmark import (
+from matest.benchmark import tables
+from matest.benchmark.record import Progress, Record
+from matest.benchmark.rivals import solvers
+from matest.benchmark.suites import (
     efficiency,
     estimate,
     frontier,
@@ -18,12 +21,9 @@ from matest.benchmark import (
     outliers,
     peers,
     scaling,
-    solvers,
     start,
     stress,
-    tables,
 )
-from matest.benchmark.record import Progress, Record
 from matest.errors import InputError, nearest
 
 

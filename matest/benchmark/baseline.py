@@ -16,8 +16,8 @@ from typing import Literal, TypeVar
 
 import msgspec
 
-from matest.benchmark.limits import QUICK
 from matest.benchmark.record import Record
+from matest.benchmark.suites.limits import QUICK
 from matest.errors import InputError
 
 PATH = Path("tests/benchmark_baseline.json")

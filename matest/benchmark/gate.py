@@ -14,9 +14,10 @@ from pathlib import Path
 from rich.console import Console, Group, RenderableType
 from rich.text import Text
 
-from matest.benchmark import SUITES, limits
+from matest.benchmark import SUITES
 from matest.benchmark.baseline import Figure, is_quick, read, records_of, with_file
 from matest.benchmark.record import Record
+from matest.benchmark.suites import limits
 from matest.benchmark.tables import case_name, ruled
 from matest.errors import InputError
 

@@ -7,9 +7,10 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from matest.benchmark import precision, stress, table4
+from matest.benchmark.instruments import precision, table4
+from matest.benchmark.instruments.timing import TILE
 from matest.benchmark.record import Record
-from matest.benchmark.timing import TILE
+from matest.benchmark.suites import stress
 
 _METRICS = ("forward time", "forward", "forward + backward time", "forward + backward", "gradient")
 _PASSES = ("passes", "time per pass", "time of its own passes")

@@ -1,7 +1,5 @@
-"""Captures: photographs, their encoding and noise, and the samples they give."""
+"""Captures: files on disk, read into photographs of a scene."""
 
-from matest.capture.batch import Batch
 from matest.capture.capture import Capture, load_capture
-from matest.capture.samples import Samples
 
-__all__ = ["Batch", "Capture", "Samples", "load_capture"]
+__all__ = ["Capture", "load_capture"]

@@ -11,10 +11,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from matest.capture.images import full_scale, read_image, read_mask
-from matest.capture.photometry import Encoding
 from matest.capture.schema import CameraTable, CaptureFile, EncodingTable, GeometryTable, ImageTable, LightTable
 from matest.errors import InputError
+from matest.photographs.images import full_scale, read_image, read_mask
+from matest.photographs.photometry import Encoding
 from matest.scene.camera import Camera
 from matest.scene.lights import DirectionalLight, Light, PointLight, unit_direction
 from matest.scene.mesh import Mesh

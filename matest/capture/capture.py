@@ -17,10 +17,10 @@ import torch
 
 from matest.capture import schema
 from matest.capture.assembly import Folder, build_encoding, build_scene, build_surface
-from matest.capture.images import full_scale, read_image
-from matest.capture.photometry import FLOAT_FLOOR, Encoding, Noise, estimate_noise, quantisation, steps
-from matest.capture.samples import Samples
 from matest.errors import InputError
+from matest.photographs.images import full_scale, read_image
+from matest.photographs.photometry import FLOAT_FLOOR, Encoding, Noise, estimate_noise, quantisation, steps
+from matest.photographs.samples import Samples
 from matest.scene import Scene
 
 # Pixels beyond this many bytes go to a temporary file: memory does not grow with the number of images.

@@ -4,8 +4,7 @@ from matest.estimators.fit import AllTiles, fit, fit_batches
 from matest.estimators.levenberg_marquardt import Solution, at_bound, bounded_step
 from matest.estimators.linearise import Linearisation, accumulate
 from matest.estimators.moments import Statistics
-from matest.estimators.pilot import pilot
-from matest.estimators.problem import Problem
+from matest.estimators.unknowns import Problem
 
 __all__ = [
     "AllTiles",
@@ -18,5 +17,4 @@ __all__ = [
     "bounded_step",
     "fit",
     "fit_batches",
-    "pilot",
 ]

@@ -10,11 +10,11 @@ from functools import cached_property, partial
 import torch
 from torch import Tensor
 
-from matest.capture import Batch, Samples
-from matest.capture.patches import Patches
-from matest.capture.samples import join
-from matest.estimators.expansion import CLOSE, settled, single_step
-from matest.estimators.guess import (
+from matest.estimators.covariance import fisher
+from matest.estimators.levenberg_marquardt import Solution, at_bound, minimise
+from matest.estimators.one_step import CLOSE, settled, single_step
+from matest.estimators.separable import passes_over, separates
+from matest.estimators.starts import (
     ALIKE,
     apart,
     at_ends,
@@ -25,12 +25,13 @@ from matest.estimators.guess import (
     most_plausible,
     thinned,
 )
-from matest.estimators.levenberg_marquardt import Solution, at_bound, minimise
-from matest.estimators.pilot import pilot
-from matest.estimators.problem import Problem
-from matest.estimators.separable import passes_over, separates
-from matest.estimators.walk import in_memory, single_threaded_torch
-from matest.uncertainty import fisher
+from matest.estimators.unknowns import Problem
+from matest.photographs.patches import Patches
+from matest.photographs.pilot import pilot
+from matest.photographs.samples import Samples, join
+from matest.samples import Batch
+from matest.samples.tiles import in_memory
+from matest.workers import single_threaded_torch
 
 _PILOT = 24_000
 # Expansions of the likelihood about the last optimum, until they move it by less than so many standard errors.

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from matest.scene import Points
-from matest.shader import interpolate
+from matest.shading import interpolate
 
 # Lights have one colour where their channels differ by one factor to so many roundings.
 _ROUNDINGS = 4

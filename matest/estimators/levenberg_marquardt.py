@@ -10,8 +10,8 @@ import torch
 from torch import Tensor
 
 from matest.estimators.moments import Statistics
-from matest.estimators.problem import Problem
-from matest.estimators.walk import Tiles
+from matest.estimators.unknowns import Problem
+from matest.samples.tiles import Tiles
 
 # A promised drop in χ² below this share of it drowns in single-precision rounding; where it does, the estimate counts
 # as converged if the step it comes from is no longer than so many standard errors.

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from matest.brdf.base import factor_slope, factor_value, named_by
-from matest.estimators.problem import Problem
+from matest.estimators.unknowns import Problem
 
 _ITERATIONS = 20
 

@@ -10,13 +10,14 @@ from torch import Tensor
 
 from matest.brdf import Term
 from matest.brdf.base import factor_slope, factor_value, named_by
-from matest.capture import Batch
 from matest.directions import Directions
 from matest.estimators.images import Images, illuminate
 from matest.estimators.moments import Compressed, Moments, Statistics, joined, moments, nothing
-from matest.estimators.problem import Problem
-from matest.estimators.walk import Tiles, walk
-from matest.shader import check_sky, lit_directions, sky_nodes, sky_terms
+from matest.estimators.unknowns import Problem
+from matest.samples import Batch
+from matest.samples.tiles import Tiles
+from matest.shading import check_sky, lit_directions, sky_nodes, sky_terms
+from matest.workers import walk
 
 
 class Linearisation:

@@ -10,9 +10,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from matest.capture import Batch
-from matest.capture.batch import Working
 from matest.estimators.images import Images
+from matest.samples import Batch
+from matest.samples.batch import Working
 
 # What says how well some samples are met, in this order:
 # cost: rᵀWr of all values, what a fit minimises.
@@ -189,9 +189,9 @@ class Statistics:
         rises = pulled @ change - 2 * self.gradients @ change
         return replace(self, gradients=self.gradients - pulled, scores=_risen(self.scores, rises))
 
-    def grouped(self, size: int) -> Statistics:
-        """The same statistics with `size` successive labels joined into one."""
-        return Statistics(*_grouped(self.labels // size, self.informations, self.gradients, self.scores))
+    def regrouped(self, coarser: Tensor) -> Statistics:
+        """The same statistics with groups joined; `coarser` [G] has the new label of every group."""
+        return Statistics(*_grouped(coarser[self.labels], self.informations, self.gradients, self.scores))
 
     @property
     def information(self) -> Tensor:

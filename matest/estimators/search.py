@@ -10,17 +10,17 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from matest.capture import Batch
-from matest.capture.batch import Working
 from matest.directions import Directions
 from matest.estimators.images import Images, illuminate
 from matest.estimators.linear import amplitudes
 from matest.estimators.linearise import Linearisation
 from matest.estimators.moments import Compressed, joined, moments
-from matest.estimators.problem import Problem
 from matest.estimators.separable import compress, mixture, separates
-from matest.estimators.walk import in_memory
-from matest.shader import lit_directions
+from matest.estimators.unknowns import Problem
+from matest.samples import Batch
+from matest.samples.batch import Working
+from matest.samples.tiles import in_memory
+from matest.shading import lit_directions
 
 # Nodes per shape parameter, at most so many in all.
 _NODES, _ALL_NODES = 15, 400

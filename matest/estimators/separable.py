@@ -15,15 +15,15 @@ import torch
 from torch import Tensor
 
 from matest.brdf import Brdf, Term
-from matest.capture import Batch
 from matest.directions import Directions
 from matest.estimators.images import Images, illuminate
 from matest.estimators.levenberg_marquardt import Evaluate
 from matest.estimators.linearise import Linearisation, accumulate, collect, derivative, product
 from matest.estimators.moments import Compressed, Statistics
-from matest.estimators.problem import Problem
-from matest.estimators.walk import Tiles
-from matest.shader import check_sky, lit_directions, sky_nodes, sky_terms
+from matest.estimators.unknowns import Problem
+from matest.samples import Batch
+from matest.samples.tiles import Tiles
+from matest.shading import check_sky, lit_directions, sky_nodes, sky_terms
 
 
 @dataclass(frozen=True)

@@ -12,17 +12,18 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from matest.capture import Capture, Samples
+from matest.capture import Capture
 from matest.errors import InputError
+from matest.estimation.specification import Constraints, Specification, Value, by_path, specify
 from matest.identifiability.forecast import Forecast, as_estimated, bent_near, forecast, unknowns_at, usable
 from matest.identifiability.next_light import NextLight, next_light, with_light
 from matest.identifiability.plan import Plan, exposed
 from matest.identifiability.reasons import Nearness, Reasons
-from matest.parameter_estimates import known_by_ratio, numerator_of, reported_name
+from matest.inference.parameter_estimates import known_by_ratio, numerator_of, reported_name
+from matest.inference.quantities import Number, ParameterEstimate
 from matest.parameters import Domain
-from matest.result import Number, ParameterEstimate
-from matest.shader import gathered_light, lit_directions
-from matest.specification import Constraints, Specification, Value, by_path, specify
+from matest.photographs.samples import Samples
+from matest.shading import gathered_light, lit_directions
 
 SCHEMA = "matest.check/1"
 # What is checked of a capture when no model is named: the largest that `auto` tries.

@@ -11,19 +11,20 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from matest.capture import Batch, Capture, Samples
-from matest.capture.samples import TILE
-from matest.error_bars import ErrorBars
-from matest.estimation import worth_freeing
+from matest.capture import Capture
+from matest.estimation.estimate import worth_freeing
+from matest.estimation.specification import Specification, freed
 from matest.estimators import Problem, Solution, Statistics, accumulate
+from matest.estimators.covariance import fisher
 from matest.estimators.moments import scores
 from matest.identifiability.plan import photographed
-from matest.likelihood_profile import surroundings
-from matest.parameter_estimates import parameter_estimates
-from matest.result import ParameterEstimate
-from matest.specification import Specification, freed
-from matest.uncertainty import fisher
-from matest.unseen import bent
+from matest.inference.error_bars import ErrorBars
+from matest.inference.parameter_estimates import parameter_estimates
+from matest.inference.profiles import surroundings
+from matest.inference.quantities import ParameterEstimate
+from matest.inference.unseen import bent
+from matest.photographs.samples import TILE, Samples
+from matest.samples import Batch
 
 # More samples than this are thinned evenly: information is an integral over the images, and needs no more.
 _ENOUGH = 400_000

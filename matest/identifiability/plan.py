@@ -14,9 +14,9 @@ from matest.brdf import Brdf, Lambert
 from matest.capture import Capture, load_capture, schema
 from matest.capture.assembly import Folder, build_encoding, build_scene, build_surface
 from matest.capture.capture import capture_file
-from matest.capture.photometry import Noise, quantisation
 from matest.errors import InputError
-from matest.shader import render_image
+from matest.photographs.photometry import Noise, quantisation
+from matest.shading import render_image
 from matest.simulate import bits_of, channels_of, material_of, shape_of, stored_pixels
 
 # A camera of 10,000 electrons full well and 10 electrons read noise.

@@ -16,9 +16,9 @@ from pathlib import Path
 from matest.brdf import Brdf
 from matest.capture import Capture
 from matest.errors import InputError
+from matest.estimation.result import Estimate
 from matest.report.page import page
 from matest.report.pictures import write_pictures
-from matest.result import Estimate
 
 # What matest writes into a result or prediction folder; a folder with anything else in it is not replaced.
 _OWN = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from matest.result import ParameterEstimate
+from matest.inference.quantities import ParameterEstimate
 
 
 def measured(value: float | None, std: float | None) -> str:

@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from matest.identifiability import Check, LightAdvice, Prediction
-from matest.result import Number
+from matest.inference.quantities import Number
 
 _STATUS_STYLE = {"determined": "green", "weak": "yellow", "held": "yellow", "not determined": "red"}
 

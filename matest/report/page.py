@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from html import escape
 
+from matest.estimation.result import Estimate
 from matest.report.format import channel_names, chi2, rows, share
 from matest.report.pictures import RESIDUAL_RANGE
-from matest.result import Estimate
 
 _STYLE = """
 :root { color-scheme: light dark; --line: #8884; --soft: #888; }

@@ -9,11 +9,11 @@ import numpy as np
 
 from matest.brdf import Brdf
 from matest.capture import Capture
-from matest.capture.images import write_image
-from matest.capture.photometry import srgb
-from matest.estimators.walk import walk
+from matest.photographs.images import write_image
+from matest.photographs.photometry import srgb
 from matest.profiles import cross_section, middle_row
-from matest.shader import render_image
+from matest.shading import render_image
+from matest.workers import walk
 
 # The residual picture shows differences up to this share of the photograph's rms brightness.
 RESIDUAL_RANGE = 0.1

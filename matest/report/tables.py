@@ -11,10 +11,10 @@ from rich.text import Text
 
 from matest.brdf import Brdf
 from matest.brdf.presets import Preset
+from matest.estimation.result import Estimate
 from matest.parameters import options_of, parameters_of
 from matest.profiles import Comparison
 from matest.report.format import channel_names, rows, share
-from matest.result import Estimate
 
 _STATUS_STYLE = {"determined": "green", "at bound": "yellow", "not determined": "red"}
 

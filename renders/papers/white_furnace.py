@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from matest.brdf import Brdf, Coherent, DirectionalDiffuse, FirstSurfaceDiffuse, ForwardScattering, SubsurfaceDiffuse
 from matest.brdf.he_torrance import HeTorrance
-from matest.shader import reflectance
+from matest.shading import reflectance
 from papers.drawing import BLACK, BLUE, GREEN, ORANGE, PINK, Drawn, Entry
 
 # Sample #41's lengths; index 1.5 below the surface; a source wide enough for the quadrature, and a smoother surface

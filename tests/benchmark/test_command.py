@@ -9,8 +9,9 @@ from collections.abc import Callable, Collection, Iterator
 import pytest
 
 from matest import benchmark, cli
-from matest.benchmark import limits, models, passes, stress
+from matest.benchmark.instruments import passes
 from matest.benchmark.record import Progress, Record
+from matest.benchmark.suites import limits, models, stress
 
 # The suites of the estimator have tests of their own.
 OF_MODELS = ("models", "stress")

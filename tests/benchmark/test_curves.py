@@ -7,8 +7,8 @@ import math
 import pytest
 import torch
 
-from matest.benchmark.curves import POINTS, Curve, Step, Yardstick, in_order
-from matest.benchmark.task import Trace
+from matest.benchmark.instruments.curves import POINTS, Curve, Step, Yardstick, in_order
+from matest.benchmark.instruments.task import Trace
 
 
 def values(**numbers: object) -> dict[str, torch.Tensor]:

@@ -8,9 +8,10 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from matest.benchmark import SUITES, efficiency, outliers
-from matest.benchmark import trial as trials
-from matest.benchmark.trial import trial
+from matest.benchmark import SUITES
+from matest.benchmark.instruments import trial as trials
+from matest.benchmark.instruments.trial import trial
+from matest.benchmark.suites import efficiency, outliers
 
 
 class Here:

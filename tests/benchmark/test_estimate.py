@@ -9,8 +9,9 @@ import pytest
 from rich.console import Console
 
 import matest
-from matest.benchmark import SUITES, estimate
-from matest.benchmark.photographs import MATERIALS, lights, take
+from matest.benchmark import SUITES
+from matest.benchmark.instruments.photographs import MATERIALS, lights, take
+from matest.benchmark.suites import estimate
 
 
 @pytest.fixture(autouse=True)

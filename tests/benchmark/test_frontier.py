@@ -6,9 +6,11 @@ import pytest
 import torch
 from rich.console import Console
 
-from matest.benchmark import SUITES, curves, frontier
+from matest.benchmark import SUITES
+from matest.benchmark.instruments import curves
+from matest.benchmark.instruments.subjects import GLOSSY, sphere_of
 from matest.benchmark.record import Record
-from matest.benchmark.subjects import GLOSSY, sphere_of
+from matest.benchmark.suites import frontier
 
 SIZE = 32
 CASE = "oren-nayar vase"

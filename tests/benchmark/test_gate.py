@@ -15,9 +15,10 @@ import pytest
 
 import matest
 from matest import benchmark, cli
-from matest.benchmark import baseline, efficiency, gate, limits, scaling
+from matest.benchmark import baseline, gate
 from matest.benchmark.baseline import Baseline, Figure
 from matest.benchmark.record import Record
+from matest.benchmark.suites import efficiency, limits, scaling
 from tests.benchmark.test_efficiency import Here
 
 

@@ -7,7 +7,9 @@ from collections.abc import Iterator
 import pytest
 from rich.console import Console
 
-from matest.benchmark import limits, passes, suites
+from matest.benchmark import suites
+from matest.benchmark.instruments import passes
+from matest.benchmark.suites import limits
 
 
 @pytest.fixture

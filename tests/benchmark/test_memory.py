@@ -9,8 +9,9 @@ import pytest
 from rich.console import Console
 
 import matest
-from matest.benchmark import SUITES, memory
-from matest.benchmark.photographs import take
+from matest.benchmark import SUITES
+from matest.benchmark.instruments.photographs import take
+from matest.benchmark.suites import memory
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="reads Linux's /proc")
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 import torch
 
-from matest.benchmark import models, passes, timing
+from matest.benchmark.instruments import passes, timing
 from matest.benchmark.record import Record
+from matest.benchmark.suites import models
 from matest.brdf import Lambert
 from tests.sampling import named, random_pairs
 

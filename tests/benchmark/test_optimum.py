@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from matest.benchmark.optimum import excess
-from matest.benchmark.simulated import CLEAN, draw
+from matest.benchmark.instruments.optimum import excess
+from matest.benchmark.instruments.simulated import CLEAN, draw
+from matest.estimation.specification import Constraints, specify
 from matest.identifiability.forecast import unknowns_at
-from matest.specification import Constraints, specify
 
 
 @pytest.mark.parametrize("expression", ["oren-nayar", "cook-torrance"])

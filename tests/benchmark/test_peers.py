@@ -9,12 +9,14 @@ import pytest
 import torch
 from rich.console import Console
 
-from matest.benchmark import SUITES, hand_written, peers, renderers, solvers
-from matest.benchmark.photographs import MATERIALS
-from matest.benchmark.subjects import sphere_of
-from matest.benchmark.task import Task, Trace, distance
-from matest.benchmark.timing import no_compiler
-from matest.shader import shade
+from matest.benchmark import SUITES
+from matest.benchmark.instruments.photographs import MATERIALS
+from matest.benchmark.instruments.subjects import sphere_of
+from matest.benchmark.instruments.task import Task, Trace, distance
+from matest.benchmark.instruments.timing import no_compiler
+from matest.benchmark.rivals import hand_written, renderers, solvers
+from matest.benchmark.suites import peers
+from matest.shading import shade
 
 SIZE = 24
 MODELS = tuple(peers.HAND_WRITTEN)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from matest.benchmark.efficiency import TARGETS
-from matest.benchmark.pooling import Interval, coverage, mean_error, records, rms_error
+from matest.benchmark.instruments.pooling import Interval, coverage, mean_error, records, rms_error
+from matest.benchmark.instruments.trial import Figure, Trial
 from matest.benchmark.record import Record
-from matest.benchmark.trial import Figure, Trial
+from matest.benchmark.suites.efficiency import TARGETS
 
 
 def trials(

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 import torch
 
-from matest.benchmark import drjit_solver, hand_written, mitsuba_tutorial, peers, renderers
-from matest.benchmark.photographs import MATERIALS, lights
-from matest.benchmark.simulated import IRRADIANCE
-from matest.benchmark.subjects import GLOSSY, RADIUS, Subject, sphere_of
-from matest.benchmark.task import distance
-from matest.shader import render_image
+from matest.benchmark.instruments.photographs import MATERIALS, lights
+from matest.benchmark.instruments.simulated import IRRADIANCE
+from matest.benchmark.instruments.subjects import GLOSSY, RADIUS, Subject, sphere_of
+from matest.benchmark.instruments.task import distance
+from matest.benchmark.rivals import drjit_solver, hand_written, mitsuba_tutorial, renderers
+from matest.benchmark.suites import peers
+from matest.shading import render_image
 
 SIZE = 32
 # Of the brightest pixel.

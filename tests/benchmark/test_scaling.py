@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from matest.benchmark import SUITES, limits, scaling
-from matest.benchmark.photographs import MATERIALS
+from matest.benchmark import SUITES
+from matest.benchmark.instruments.photographs import MATERIALS
+from matest.benchmark.suites import limits, scaling
 
 
 @pytest.mark.parametrize("exponent", [0.5, 1.0, 2.0])

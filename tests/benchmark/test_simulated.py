@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from matest.benchmark.simulated import CLEAN, SATURATION, Conditions, draw
+from matest.benchmark.instruments.simulated import CLEAN, SATURATION, Conditions, draw
 
 MODELS = ("lambert", "oren-nayar", "cook-torrance", "li-torrance")
 

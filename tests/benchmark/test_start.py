@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 from rich.console import Console
 
-from matest.benchmark import SUITES, start
+from matest.benchmark import SUITES
+from matest.benchmark.suites import start
 
 
 def test_the_estimate_is_compared_with_torch_and_its_own_fit(monkeypatch: pytest.MonkeyPatch) -> None:

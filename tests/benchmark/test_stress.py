@@ -9,10 +9,10 @@ import pytest
 import torch
 from torch import Tensor
 
-from matest.benchmark.adversarial import direction_pairs, parameter_values
-from matest.benchmark.passes import heavy
+from matest.benchmark.instruments.adversarial import direction_pairs, parameter_values
+from matest.benchmark.instruments.passes import heavy
 from matest.benchmark.record import Record
-from matest.benchmark.stress import TILE, examine
+from matest.benchmark.suites.stress import TILE, examine
 from matest.brdf import Brdf, Lambert, Term, variants
 from matest.directions import Directions
 from matest.parameters import parameter, unit_interval
@@ -138,7 +138,7 @@ def test_adversarial_parameters_reach_both_ends_and_stay_inside() -> None:
 
 
 def test_limits_are_those_of_the_tests() -> None:
-    from matest.benchmark import precision
+    from matest.benchmark.instruments import precision
 
     assert precision.RELATIVE == tolerances.FLOAT32
     assert precision.OF_PEAK == tolerances.FLOAT32_OF_PEAK

@@ -7,7 +7,8 @@ import io
 import pytest
 from rich.console import Console
 
-from matest.benchmark import table4, tables
+from matest.benchmark import tables
+from matest.benchmark.instruments import table4
 from matest.benchmark.record import Record
 from matest.brdf import LiTorrance
 

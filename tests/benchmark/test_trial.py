@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 import matest
-from matest.benchmark import trial as trials
-from matest.benchmark.simulated import draw
-from matest.benchmark.trial import trial
+from matest.benchmark.instruments import trial as trials
+from matest.benchmark.instruments.simulated import draw
+from matest.benchmark.instruments.trial import trial
 
 
 @pytest.mark.parametrize("expression", ["oren-nayar", "cook-torrance", "li-torrance"])

@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 import matest
-from matest.capture.images import write_image
+from matest.photographs.images import write_image
 from tests.captures import SHAPE, encode_as_png, refusal, sphere_normals
 
 SMALL = (SHAPE[0] // 2, SHAPE[1] // 2)

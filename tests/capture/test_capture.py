@@ -11,8 +11,7 @@ import trimesh
 
 import matest
 from matest.brdf import Lambert
-from matest.capture.images import write_image
-from tests.capture.image_files import write_exr
+from matest.photographs.images import write_image
 from tests.captures import (
     ALBEDO,
     RADIUS,
@@ -23,6 +22,7 @@ from tests.captures import (
     refusal,
     sphere_normals,
 )
+from tests.photographs.image_files import write_exr
 
 
 def mapped(folder) -> None:

@@ -13,16 +13,18 @@ import torch
 from scipy.optimize import least_squares
 from torch import Tensor
 
-from matest.benchmark.outliers import SPOILT
-from matest.benchmark.simulated import draw
+from matest.benchmark.instruments.simulated import draw
+from matest.benchmark.suites.outliers import SPOILT
 from matest.brdf import CookTorrance, Lambert, OrenNayar, OrenNayarQualitative, TorranceSparrow
-from matest.capture import Batch, Samples
-from matest.estimators import Problem, at_bound, fit, fit_batches, pilot
-from matest.estimators.guess import distance, most_plausible
+from matest.estimators import Problem, at_bound, fit, fit_batches
 from matest.estimators.levenberg_marquardt import minimise
 from matest.estimators.moments import Statistics, scores
-from matest.estimators.walk import single_threaded_torch
-from matest.shader import shade
+from matest.estimators.starts import distance, most_plausible
+from matest.photographs.pilot import pilot
+from matest.photographs.samples import Samples
+from matest.samples import Batch
+from matest.shading import shade
+from matest.workers import single_threaded_torch
 from tests.problems import problem
 from tests.simulated import Studio, coloured
 

@@ -13,11 +13,11 @@ from torch import Tensor
 
 from matest.brdf import CookTorrance, Lambert, OrenNayar
 from matest.capture import Capture
-from matest.capture.photometry import Noise
 from matest.estimators import AllTiles, Problem, accumulate, at_bound, bounded_step
 from matest.estimators.levenberg_marquardt import Evaluate, minimise
 from matest.estimators.moments import SCORES, Statistics
 from matest.estimators.search import search
+from matest.photographs.photometry import Noise
 from tests.problems import information, problem, quadratic
 from tests.simulated import Studio, coloured
 

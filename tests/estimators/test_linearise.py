@@ -10,14 +10,15 @@ import pytest
 import torch
 from torch import Tensor
 
+from matest import workers
 from matest.brdf import MODELS, variants
-from matest.capture import Batch, Samples
-from matest.capture.photometry import Noise
-from matest.capture.samples import BLOCKS
-from matest.estimators import Linearisation, Problem, accumulate, walk
+from matest.estimators import Linearisation, Problem, accumulate
 from matest.estimators.moments import SCORES, Statistics
-from matest.estimators.walk import single_threaded_torch
-from matest.shader import shade
+from matest.photographs.photometry import Noise
+from matest.photographs.samples import Samples
+from matest.samples import Batch
+from matest.shading import shade
+from matest.workers import single_threaded_torch
 from tests.captures import directional
 from tests.problems import ordinary, problem
 from tests.simulated import Studio
@@ -173,7 +174,7 @@ def test_statistics_do_not_depend_on_the_number_of_threads(monkeypatch: pytest.M
     tiles = tiled(samples(), 17)
     results = []
     for count in (1, 2, 7):
-        monkeypatch.setattr(walk, "processors", lambda count=count: count)
+        monkeypatch.setattr(workers, "processors", lambda count=count: count)
         results.append(accumulate(chosen, unknowns, tiles, None))
     for other in results[1:]:
         assert torch.equal(other.information, results[0].information)
@@ -197,7 +198,7 @@ def test_blocks_of_one_image_can_be_joined() -> None:
     unknowns = ordinary(chosen, seed=14)
     pixels = Studio(size=32, lights=2 * TWO_LIGHTS).photograph(MODELS["lambert"](albedo=0.5), seed=6).samples()
     blocks = accumulate(chosen, unknowns, tiled(pixels, 10**6), unknowns)
-    images = blocks.grouped(BLOCKS)
+    images = blocks.regrouped(pixels.groups.image)
     assert len(blocks) > 20
     assert images.labels.tolist() == [0, 1]
     torch.testing.assert_close(images.information, blocks.information)

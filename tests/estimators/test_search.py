@@ -10,11 +10,12 @@ import torch
 from torch import Tensor
 
 from matest.brdf import Brdf, CookTorrance, OrenNayar, TorranceSparrow
-from matest.capture import Batch
-from matest.estimators import Problem, accumulate, pilot
+from matest.estimators import Problem, accumulate
 from matest.estimators.levenberg_marquardt import Solution, minimise
 from matest.estimators.linearise import Linearisation
 from matest.estimators.search import Search, normal_equations, search
+from matest.photographs.pilot import pilot
+from matest.samples import Batch
 from tests.problems import problem
 from tests.simulated import Studio, coloured
 

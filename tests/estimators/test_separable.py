@@ -5,15 +5,15 @@ from __future__ import annotations
 import pytest
 import torch
 
-from matest.capture import Batch
-from matest.capture.batch import Readout
 from matest.estimators.linearise import accumulate
-from matest.estimators.problem import Problem
 from matest.estimators.search import _evaluated, _separated
 from matest.estimators.separable import compress, separates, statistics
-from matest.estimators.walk import in_memory
+from matest.estimators.unknowns import Problem
+from matest.samples import Batch
+from matest.samples.batch import Readout
+from matest.samples.tiles import in_memory
 from matest.scene import Points
-from matest.shader import lit_directions
+from matest.shading import lit_directions
 from tests.estimators.test_linearise import assert_same, samples, tiled, whole
 from tests.problems import ordinary, problem
 from tests.sampling import random_pairs

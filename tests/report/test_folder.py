@@ -11,10 +11,10 @@ import pytest
 
 from matest.brdf import OrenNayar
 from matest.capture import Capture
-from matest.capture.images import read_image
+from matest.photographs.images import read_image
 from matest.report import folder as folders
 from matest.report.folder import check_destination, whole_folder, write_prediction, write_result
-from matest.shader import render
+from matest.shading import render
 from tests.captures import refusal
 from tests.estimates import clay
 from tests.simulated import Studio, coloured

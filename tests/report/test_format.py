@@ -6,8 +6,8 @@ import math
 
 import pytest
 
+from matest.inference.quantities import ParameterEstimate
 from matest.report.format import channel_names, chi2, measured, rows, share
-from matest.result import ParameterEstimate
 from tests.estimates import ALBEDO, FIXED, LOST, SIGMA
 
 RGB = ("R", "G", "B")

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from matest.brdf import OrenNayar
+from matest.estimation.result import Candidate
 from matest.report.folder import write_result
 from matest.report.page import page
-from matest.result import Candidate
 from tests.estimates import LOST, SIGMA, clay
 from tests.simulated import Studio, coloured
 

@@ -10,9 +10,9 @@ import pytest
 
 from matest.brdf import Lambert
 from matest.capture import Capture
-from matest.capture.images import read_image
+from matest.photographs.images import read_image
 from matest.report.pictures import RESIDUAL_RANGE, write_columns, write_pictures
-from matest.shader import render
+from matest.shading import render
 from tests.captures import directional
 from tests.simulated import DIRECTIONS, Studio, coloured
 

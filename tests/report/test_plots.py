@@ -8,7 +8,7 @@ import matplotlib.axes
 import numpy as np
 import pytest
 
-from matest.capture.images import read_image
+from matest.photographs.images import read_image
 from matest.profiles import Comparison, compare
 from matest.report.plots import plot_profiles
 

@@ -15,7 +15,7 @@ from torch.nn.functional import normalize
 from matest.brdf import Brdf, CookTorrance, Lambert, OrenNayar
 from matest.scene import Camera, DirectionalLight, PointLight, Scene, Surface, illuminate
 from matest.scene.surface import from_normals
-from matest.shader import render, shade
+from matest.shading import render, shade
 from tests.captures import directional, point, refusal, scene_of
 
 DOUBLE = torch.float64

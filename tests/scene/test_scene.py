@@ -10,7 +10,7 @@ from matest.brdf import CookTorrance, Lambert, OrenNayar
 from matest.directions import to_local
 from matest.scene import Camera, Scene
 from matest.scene.surface import from_normals
-from matest.shader import render
+from matest.shading import render
 from tests.captures import directional, point, scene_of, sphere_surface
 
 DOUBLE = torch.float64

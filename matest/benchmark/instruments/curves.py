@@ -1,0 +1,123 @@
+"""Error against time: what an estimator would hand over, had it been stopped at any time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from matest.benchmark.instruments.task import Trace, Values, distance
+from matest.brdf import CookTorrance
+
+# A curve is told by no more points than this.
+POINTS = 40
+
+
+class Step(NamedTuple):
+    """A result.
+
+    Attributes:
+        seconds: since the start.
+        error: root mean square, over the unknowns, of the distance from the truth in units of the Cramér-Rao bound.
+        off: largest relative distance of a parameter from the optimum of the likelihood.
+    """
+
+    seconds: float
+    error: float
+    off: float
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Runs of an estimator; whoever reads it takes the best at every time.
+
+    Attributes:
+        runs: the results of each in the order of time; empty where the estimator is not there.
+        note: what it was, for a person.
+    """
+
+    runs: Sequence[Sequence[Step]] = ()
+    note: str = ""
+
+    def arrival(self, what: str, limit: float) -> float | None:
+        """Seconds after which `what`, "error" or "off", stays below the limit in some run; None if in none."""
+        found = [_arrival([(step.seconds, getattr(step, what)) for step in run], limit) for run in self.runs]
+        return min((seconds for seconds in found if seconds is not None), default=None)
+
+    def points(self) -> list[tuple[float, float]]:
+        """Seconds and the smallest error of a run then, at most `POINTS` times, evenly spaced in their logarithm."""
+        times = sorted({step.seconds for run in self.runs for step in run})
+        if len(times) > POINTS:
+            grid = [math.log(times[0]) + k / (POINTS - 1) * math.log(times[-1] / times[0]) for k in range(POINTS)]
+            nearest = {min(times, key=lambda at, g=g: abs(math.log(at) - g)) for g in grid}  # type: ignore[misc]
+            times = sorted(nearest)
+        return [(at, min(_at(run, at) for run in self.runs)) for at in times]
+
+    @property
+    def end(self) -> float | None:
+        """Smallest error of a run at its end."""
+        return min((run[-1].error for run in self.runs if run), default=None)
+
+
+def _arrival(steps: Iterable[tuple[float, float]], limit: float) -> float | None:
+    arrived = None
+    for seconds, value in steps:
+        # Not "above": a NaN is nowhere.
+        if not value <= limit:
+            arrived = None
+        elif arrived is None:
+            arrived = seconds
+    return arrived
+
+
+def _at(run: Sequence[Step], at: float) -> float:
+    """The error of the last result until then; infinite before the first."""
+    return next((step.error for step in reversed(run) if step.seconds <= at), math.inf)
+
+
+@dataclass(frozen=True)
+class Yardstick:
+    """What results are measured with.
+
+    Attributes:
+        truth: value of every parameter.
+        bound: the Cramér-Rao bound of the standard error of every unknown.
+        optimum: of the likelihood.
+    """
+
+    truth: Values
+    bound: Values
+    optimum: Values
+
+    def step(self, seconds: float, values: Mapping[str, Tensor]) -> Step:
+        """One result."""
+        return self.pooled(seconds, [values])
+
+    def pooled(self, seconds: float, results: Sequence[Mapping[str, Tensor]]) -> Step:
+        """Several results as good as each other: the root mean square error, and the largest distance."""
+        errors = [self._error(in_order(values)) for values in results]
+        off = max(distance(in_order(values), in_order(self.optimum)) for values in results)
+        return Step(seconds, math.sqrt(sum(error**2 for error in errors) / len(errors)), off)
+
+    def run(self, trace: Trace) -> list[Step]:
+        """All results of a solver."""
+        return [self.step(seconds, values) for seconds, values in zip(trace.seconds, trace.values, strict=True)]
+
+    def _error(self, values: Values) -> float:
+        off = [
+            ((values[name].double() - self.truth[name].double()) / std).flatten() for name, std in self.bound.items()
+        ]
+        return float(torch.cat(off).square().mean().sqrt())
+
+
+def in_order(values: Mapping[str, Tensor]) -> Values:
+    """The same material with the narrower of two lobes first."""
+    if "slope_2" not in values:
+        return dict(values)
+    lobes = {name: values[name] for name in ("slope", "slope_2", "weight_2")}
+    ordered = CookTorrance(lobes="2").replace(lobes).ordered.parameters
+    return {**values, **{name: ordered[name] for name in lobes}}

@@ -1,0 +1,98 @@
+"""What every peer is given: the same samples, noise and start; and when it has arrived."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import torch
+from torch import Tensor
+
+from matest.brdf import Brdf
+from matest.scene import Points
+from matest.shading import shade
+
+# Every parameter this near to the optimum, relative.
+CLOSE = 0.01
+
+Values = dict[str, Tensor]
+
+
+@dataclass(frozen=True)
+class Task:
+    """Weighted least squares over n samples.
+
+    Attributes:
+        start: the model in the middle of the domain of every parameter that is estimated.
+        free: names of those.
+        points: geometry and light, prepared.
+        radiance: measured [n, C].
+        weight: inverse variance of the noise [n, C].
+    """
+
+    start: Brdf
+    free: tuple[str, ...]
+    points: Points
+    radiance: Tensor
+    weight: Tensor
+
+    def __getitem__(self, index: Tensor) -> Task:
+        """Some of the samples."""
+        parts = (self.points.wi, self.points.wo, self.points.irradiance)
+        points = Points(*(part[index] for part in parts))
+        return Task(self.start, self.free, points, self.radiance[index], self.weight[index])
+
+    def double(self) -> Task:
+        """The same in double precision."""
+        parts = (self.points.wi, self.points.wo, self.points.irradiance)
+        return Task(
+            self.start,
+            self.free,
+            Points(*(part.double() for part in parts)),
+            self.radiance.double(),
+            self.weight.double(),
+        )
+
+    def cost(self, brdf: Brdf) -> Tensor:
+        """Mean weighted squared residual of the shaded model."""
+        return (self.weight * (shade(brdf, self.points) - self.radiance).square()).mean()
+
+
+@dataclass
+class Trace:
+    """What a solver would hand over, had it been stopped: its parameters, and the seconds since its start."""
+
+    begin: float = field(default_factory=time.perf_counter)
+    seconds: list[float] = field(default_factory=list)
+    values: list[Values] = field(default_factory=list)
+
+    @property
+    def elapsed(self) -> float:
+        return time.perf_counter() - self.begin
+
+    def add(self, values: Mapping[str, Tensor]) -> None:
+        self.seconds.append(self.elapsed)
+        self.values.append({name: value.detach().clone() for name, value in values.items()})
+
+    def arrival(self, optimum: Values) -> float | None:
+        """Seconds after which every parameter stays within `CLOSE` of the optimum; None if it does not."""
+        arrived = None
+        for seconds, values in zip(self.seconds, self.values, strict=True):
+            # Not "further than": a NaN is nowhere.
+            if not distance(values, optimum) <= CLOSE:
+                arrived = None
+            elif arrived is None:
+                arrived = seconds
+        return arrived
+
+    def settled(self, optimum: Values, steps: int, close: float = CLOSE) -> bool:
+        """Whether the last `steps` entries are all within `close` of the optimum."""
+        last = self.values[-steps:]
+        return len(last) == steps and all(distance(values, optimum) <= close for values in last)
+
+
+def distance(values: Mapping[str, Tensor], optimum: Values) -> float:
+    """The largest relative distance of a parameter from the optimum."""
+    apart = [(values[name].double() / best.double() - 1).abs().max() for name, best in optimum.items()]
+    return float(torch.stack(apart).max())

@@ -1,0 +1,1 @@
+"""What matest races against."""

@@ -1,0 +1,227 @@
+"""Levenberg-Marquardt as one would write it by hand for a single model: vectorised torch, analytic Jacobian."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from matest.benchmark.instruments.task import Task, Trace
+from matest.scene import Points
+
+_ITERATIONS = 60
+# The shape parameter changes by at most this factor at a step.
+_FACTOR = 2.0
+
+
+class Unknowns(NamedTuple):
+    """Some amplitudes a channel, and one shape parameter.
+
+    Attributes:
+        amplitudes: their names; their bounds are 0 and 1.
+        shape: name of the shape parameter.
+        lower, upper: its bounds.
+    """
+
+    amplitudes: tuple[str, ...]
+    shape: str
+    lower: float
+    upper: float
+
+
+class Model(NamedTuple):
+    """A model prepared for some samples.
+
+    Attributes:
+        unknowns: what it depends on.
+        evaluate: radiance [n, C] and its derivatives [A + 1, n, C] by amplitudes and shape, from amplitudes [A, C] and
+            shape.
+    """
+
+    unknowns: Unknowns
+    evaluate: Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]
+
+
+GLOSSY = Unknowns(("diffuse", "specular"), "slope", 1e-3, 1.0)
+
+
+class Normal(NamedTuple):
+    """Weighted sum of squares, JᵀWJ [P, P] and JᵀWr [P], in double precision."""
+
+    cost: Tensor
+    information: Tensor
+    gradient: Tensor
+
+
+def levenberg_marquardt(task: Task, prepare: Callable[[Points], Model]) -> Trace:
+    """Fit from the task's start; what depends on the geometry alone is computed once, and counts as time."""
+    trace = Trace()
+    model = prepare(task.points)
+    like, channels, count = task.radiance, task.radiance.shape[1], len(model.unknowns.amplitudes)
+
+    def evaluate(unknowns: Tensor) -> Normal:
+        amplitudes, shape = unknowns[:-1].to(like).reshape(count, channels), unknowns[-1].to(like)
+        radiance, jacobian = model.evaluate(amplitudes, shape)
+        residual = task.radiance - radiance
+        weighted = jacobian * task.weight
+        normal = torch.einsum("anc,bnc->cab", weighted, jacobian).double()
+        slope = torch.einsum("anc,nc->ca", weighted, residual).double()
+        return assembled((task.weight * residual.square()).sum(dtype=torch.float64), normal, slope)
+
+    descend(model.unknowns, evaluate, task, trace)
+    return trace
+
+
+def assembled(cost: Tensor, normal: Tensor, slope: Tensor) -> Normal:
+    """Normal equations of the amplitudes of each channel, one after another, and the shape that they share.
+
+    Args:
+        cost: weighted sum of squares.
+        normal: JᵀWJ of amplitudes and shape in every channel [C, A + 1, A + 1].
+        slope: JᵀWr likewise [C, A + 1].
+    """
+    channels, rows = slope.shape
+    size = (rows - 1) * channels + 1
+    information, gradient = torch.zeros(size, size).double(), torch.zeros(size).double()
+    for channel in range(channels):
+        place = torch.tensor([*(row * channels + channel for row in range(rows - 1)), size - 1])
+        information[place[:, None], place[None, :]] += normal[channel]
+        gradient[place] += slope[channel]
+    return Normal(cost, information, gradient)
+
+
+def descend(named: Unknowns, evaluate: Callable[[Tensor], Normal], task: Task, trace: Trace) -> None:
+    """Levenberg-Marquardt steps from the task's start, in double precision; every better one goes to the trace."""
+    channels, count = task.radiance.shape[1], len(named.amplitudes)
+    start = {name: value.double().cpu() for name, value in task.start.parameters.items()}
+    unknowns = torch.cat([*(start[name].expand(channels) for name in named.amplitudes), start[named.shape].reshape(1)])
+    lower = torch.tensor([0.0] * (count * channels) + [named.lower]).double()
+    upper = torch.tensor([1.0] * (count * channels) + [named.upper]).double()
+    cost, information, gradient = evaluate(unknowns)
+    damping = 1e-3
+    for _ in range(_ITERATIONS):
+        damped = information + damping * information.diagonal().diag() + 1e-12 * torch.eye(len(gradient)).double()
+        step = torch.linalg.solve(damped, gradient)
+        tried = torch.minimum(torch.maximum(unknowns + step, lower), upper)
+        # A lobe that a long step makes too narrow is gone, and nothing brings it back.
+        tried[-1] = tried[-1].clamp(unknowns[-1] / _FACTOR, unknowns[-1] * _FACTOR)
+        found = evaluate(tried)
+        if found.cost < cost:
+            finished = float(cost - found.cost) < 1e-7 * float(cost)
+            unknowns, (cost, information, gradient) = tried, found
+            amplitudes = unknowns[:-1].reshape(count, channels)
+            trace.add({**dict(zip(named.amplitudes, amplitudes, strict=True)), named.shape: unknowns[-1]})
+            damping /= 10
+            if finished:
+                break
+        elif damping > 1e6:
+            break
+        else:
+            damping *= 10
+
+
+class Facets(NamedTuple):
+    """What a dielectric lobe of Beckmann's facets takes from the geometry alone, all [n, 1] or [n, C].
+
+    Attributes:
+        cos_i, cos_o, cos_h, cos_d: of light, viewer and half vector to the normal, of the light to the half vector.
+        body: radiance of a white Lambertian body.
+        carried: radiance of the lobe but for G, exp(-tan²α/m²) and m⁻².
+        tan2: tan²α of the half vector.
+    """
+
+    cos_i: Tensor
+    cos_o: Tensor
+    cos_h: Tensor
+    cos_d: Tensor
+    body: Tensor
+    carried: Tensor
+    tan2: Tensor
+
+
+def facets(points: Points, f0: float) -> Facets:
+    """The geometry of points under one light."""
+    wi, wo = points.wi[:, 0], points.wo
+    half = torch.nn.functional.normalize(wi + wo, dim=-1)
+    cos_i, cos_o, cos_h = wi[:, 2:].clamp(min=1e-6), wo[:, 2:].clamp(min=1e-6), half[:, 2:]
+    cos_d = (wo * half).sum(-1, keepdim=True).clamp(1e-6, 1)
+    light = points.irradiance[:, 0] * wi[:, 2:].clamp(min=0)
+    eta = (1 + math.sqrt(f0)) / (1 - math.sqrt(f0))
+    g = (eta**2 + cos_d.square() - 1).sqrt()
+    ratio = (g - cos_d) / (g + cos_d)
+    other = (cos_d * (g + cos_d) - 1) / (cos_d * (g - cos_d) + 1)
+    fresnel = 0.5 * ratio.square() * (1 + other.square())
+    carried = light * fresnel / (4 * math.pi * cos_i * cos_o * cos_h**4)
+    tan2 = (1 - cos_h.square()).clamp(min=0) / cos_h.square()
+    return Facets(cos_i, cos_o, cos_h, cos_d, light / math.pi, carried, tan2)
+
+
+def cook_torrance(points: Points, f0: float = 0.04) -> Model:
+    """Beckmann's distribution, V-cavities, a dielectric of known f0: all but D(m) depends on geometry alone."""
+    cos_i, cos_o, cos_h, cos_d, body, carried, tan2 = facets(points, f0)
+    carried = carried * (2 * cos_h * torch.minimum(cos_i, cos_o) / cos_d).clamp(max=1)
+
+    def evaluate(amplitudes: Tensor, slope: Tensor) -> tuple[Tensor, Tensor]:
+        lobe = carried * ((-tan2 / slope.square()).exp() / slope.square())
+        by_slope = lobe * amplitudes[1] * (2 * tan2 / slope**3 - 2 / slope)
+        return amplitudes[0] * body + amplitudes[1] * lobe, torch.stack([body, lobe, by_slope])
+
+    return Model(GLOSSY, evaluate)
+
+
+def cook_torrance_smith(points: Points, f0: float = 0.04) -> Model:
+    """The same with Smith's masking, G1 = 2/(1 + erf a + exp(-a²)/(a √π)) at a = cot θ / m, of light and viewer."""
+    cos_i, cos_o, _, _, body, carried, tan2 = facets(points, f0)
+    cot_i, cot_o = cotangent(cos_i), cotangent(cos_o)
+
+    def evaluate(amplitudes: Tensor, slope: Tensor) -> tuple[Tensor, Tensor]:
+        lobe = carried * ((-tan2 / slope.square()).exp() / slope.square())
+        bend = 2 * tan2 / slope**3 - 2 / slope
+        for cot in (cot_i, cot_o):
+            a = cot / slope
+            tail = (-a * a).exp() / (a * math.sqrt(math.pi))
+            masking = 2 / (1 + torch.erf(a) + tail)
+            lobe = lobe * masking
+            bend = bend - masking * tail / (2 * slope)
+        return amplitudes[0] * body + amplitudes[1] * lobe, torch.stack([body, lobe, lobe * amplitudes[1] * bend])
+
+    return Model(GLOSSY, evaluate)
+
+
+def cotangent(cos: Tensor) -> Tensor:
+    return cos / (1 - cos.square()).clamp(min=1e-12).sqrt()
+
+
+def oren_nayar(points: Points) -> Model:
+    """Four images of the geometry, and coefficients of σ (Oren & Nayar 1994, eq. 14-16)."""
+    wi, wo = points.wi[:, 0], points.wo
+    theta_i, theta_o = (torch.acos(w[:, 2:].clamp(0, 1)) for w in (wi, wo))
+    across = wi[:, :2].norm(dim=-1, keepdim=True) * wo[:, :2].norm(dim=-1, keepdim=True)
+    cos_phi = (wi[:, :2] * wo[:, :2]).sum(-1, keepdim=True) / across.clamp(min=1e-9)
+    alpha, beta = torch.maximum(theta_i, theta_o), torch.minimum(theta_i, theta_o).clamp(max=math.pi / 2 - 1e-6)
+    light = points.irradiance[:, 0] * wi[:, 2:].clamp(min=0) / math.pi
+    lobe = alpha.sin() - torch.where(cos_phi < 0, (2 * beta / math.pi) ** 3, 0.0)
+    in_plane = light * cos_phi * beta.tan() * lobe
+    oblique = (1 - cos_phi.abs()) * ((alpha + beta) / 2).tan() * (4 * alpha * beta / math.pi**2).square()
+    out_of_plane = light * oblique
+    bounce = light * (1 - cos_phi * (2 * beta / math.pi).square())
+
+    def evaluate(amplitudes: Tensor, sigma: Tensor) -> tuple[Tensor, Tensor]:
+        albedo, s2 = amplitudes[0], sigma.square()
+
+        def share(constant: float) -> tuple[Tensor, Tensor]:
+            """σ²/(σ² + constant) and its derivative by σ."""
+            return s2 / (s2 + constant), 2 * sigma * constant / (s2 + constant).square()
+
+        (a, da), (b, db), (c, dc) = share(0.33), share(0.09), share(0.13)
+        direct = (1 - 0.5 * a) * light + b * (0.45 * in_plane + 0.125 * out_of_plane)
+        direct_slope = -0.5 * da * light + db * (0.45 * in_plane + 0.125 * out_of_plane)
+        radiance = albedo * (direct + (0.17 * c * albedo) * bounce)
+        by_albedo = direct + (0.34 * c * albedo) * bounce
+        by_sigma = albedo * (direct_slope + (0.17 * dc * albedo) * bounce)
+        return radiance, torch.stack([by_albedo, by_sigma])
+
+    return Model(Unknowns(("albedo",), "sigma", 0.0, math.pi / 2), evaluate)

@@ -1,0 +1,143 @@
+"""Mitsuba 3 as its tutorials on inverse rendering use it: render, compare, one step of Adam."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+
+from matest.benchmark.instruments.task import Trace, Values
+
+VARIANT = "llvm_ad_rgb"
+# A blend weighs each of its materials by half: twice the light makes it their sum.
+_BLEND = 2.0
+_KEYS = {
+    "diffuse": "sphere.bsdf.bsdf_0.reflectance.value",
+    "specular": "sphere.bsdf.bsdf_1.specular_reflectance.value",
+    "slope": "sphere.bsdf.bsdf_1.alpha.value",
+}
+
+
+class Photographs(NamedTuple):
+    """A sphere in the middle of square images, one distant light each, seen by an orthographic camera.
+
+    Attributes:
+        radiance: [K, S, S, 3].
+        toward: unit vectors to the lights [K, 3].
+        irradiance: of a surface facing the light.
+        radius: of the sphere in pixels.
+        f0: reflectance at normal incidence, known.
+    """
+
+    radiance: np.ndarray
+    toward: np.ndarray
+    irradiance: float
+    radius: float
+    f0: float
+
+
+class Scenes:
+    """One Mitsuba scene a light, all with the same material: `diffuse` beside a dielectric `roughconductor`.
+
+    A conductor without extinction reflects as a dielectric does, and transmits nothing. The sampler takes the centre of
+    every pixel, as the photographs do.
+
+    Raises:
+        ImportError: Mitsuba or LLVM is missing.
+    """
+
+    def __init__(self, photographs: Photographs, start: Values) -> None:
+        import mitsuba as mi
+
+        mi.set_variant(VARIANT)
+        size = photographs.radiance.shape[1]
+        root = float(np.sqrt(photographs.f0))
+        material = mi.load_dict(
+            {
+                "type": "blendbsdf",
+                "weight": 1 / _BLEND,
+                "body": {"type": "diffuse", "reflectance": _rgb(start["diffuse"].tolist())},
+                "surface": {
+                    "type": "roughconductor",
+                    "distribution": "beckmann",
+                    "alpha": float(start["slope"]),
+                    "eta": (1 + root) / (1 - root),
+                    "k": 0.0,
+                    "specular_reflectance": _rgb(start["specular"].tolist()),
+                },
+            }
+        )
+        half = size / (2 * photographs.radius)
+        place = mi.ScalarTransform4f()
+        view = place.look_at(origin=[0, 0, 5], target=[0, 0, 0], up=[0, 1, 0]) @ place.scale([half, half, 1])
+        film = {"type": "hdrfilm", "width": size, "height": size, "rfilter": {"type": "box"}, "pixel_format": "rgb"}
+        camera = {
+            "type": "orthographic",
+            "to_world": view,
+            "film": {**film, "component_format": "float32"},
+            "sampler": {"type": "stratified", "jitter": False, "sample_count": 1},
+        }
+        self.scenes = [
+            mi.load_dict(
+                {
+                    "type": "scene",
+                    "integrator": {"type": "direct", "bsdf_samples": 0, "emitter_samples": 1},
+                    "camera": camera,
+                    "sphere": {"type": "sphere", "bsdf": material},
+                    "light": {
+                        "type": "directional",
+                        "direction": (-toward).tolist(),
+                        "irradiance": _rgb([_BLEND * photographs.irradiance] * 3),
+                    },
+                }
+            )
+            for toward in photographs.toward
+        ]
+        self.parameters = mi.traverse(self.scenes[0])
+
+    def render(self, number: int) -> Any:
+        """One image [S, S, 3], differentiable in the material."""
+        import mitsuba as mi
+
+        return mi.render(self.scenes[number], self.parameters, spp=1)
+
+
+def tutorial(photographs: Photographs, start: Values, rate: float, done: Callable[[Trace], bool]) -> Trace:
+    """Adam on the mean squared difference of the images, one backward pass an image, from scenes not yet loaded.
+
+    Args:
+        photographs: to be matched.
+        start: `diffuse` [3], `specular` [3], `slope`.
+        rate: learning rate.
+        done: whether to stop, asked after every step.
+    """
+    import drjit as dr
+    import mitsuba as mi
+
+    trace = Trace()
+    scenes = Scenes(photographs, start)
+    targets = [mi.TensorXf(image.astype(np.float32)) for image in photographs.radiance]
+    optimiser = mi.ad.Adam(lr=rate)
+    for key in _KEYS.values():
+        optimiser[key] = scenes.parameters[key]
+    scenes.parameters.update(optimiser)
+    while not done(trace):
+        for number, target in enumerate(targets):
+            dr.backward(dr.mean(dr.square(scenes.render(number) - target), axis=None))
+        optimiser.step()
+        for name, key in _KEYS.items():
+            optimiser[key] = dr.clip(optimiser[key], 1e-3 if name == "slope" else 0.0, 1.0)
+        scenes.parameters.update(optimiser)
+        trace.add({name: _tensor(optimiser[key]) for name, key in _KEYS.items()})
+    return trace
+
+
+def _rgb(values: list[float]) -> dict[str, Any]:
+    return {"type": "rgb", "value": values}
+
+
+def _tensor(value: Any) -> torch.Tensor:
+    found = torch.from_numpy(np.array(value)).flatten()
+    return found if len(found) > 1 else found[0]

@@ -1,0 +1,179 @@
+"""General solvers on the torch shader, as a good user of them would write it."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable, Collection
+from contextlib import suppress
+
+import torch
+from torch import Tensor
+
+from matest.benchmark.instruments.task import Task, Trace, Values
+from matest.shading import shade
+from matest.training.trainable import Trainable
+
+# Who can be raced, by the names that `--against` takes.
+PEERS = ("adam", "l-bfgs", "least_squares", "levenberg-marquardt", "mitsuba", "dr.jit")
+# Adam: this many steps within reach of the optimum end a run.
+SETTLED = 30
+# Or where it moves by less than this share of its parameters, for who wants to know its error at the end.
+STILL = 1e-3
+_LBFGS_ITERATIONS = 200
+
+
+class _OutOfTime(Exception):
+    """Ends a solver that cannot be asked to stop."""
+
+
+def adam(task: Task, rate: float, batch: int | None, done: Callable[[Trace], bool], *, compiled: bool = False) -> Trace:
+    """Adam on all samples at every step, or on mini-batches of `batch` in random order.
+
+    Args:
+        task: what is fitted.
+        rate: learning rate.
+        batch: samples a step; None: all.
+        done: whether to stop, asked after every step.
+        compiled: whether torch compiles the cost of all samples, before the clock starts.
+    """
+    module = _module(task)
+    cost = _cost(task, module, compiled)
+    trace = Trace()
+    optimiser = torch.optim.Adam(module.parameters(), lr=rate)
+    generator = torch.Generator().manual_seed(0)
+    while True:
+        order = None if batch is None else torch.randperm(len(task.radiance), generator=generator)
+        for part in [task] if order is None or batch is None else (task[index] for index in order.split(batch)):
+            loss = cost() if part is task else part.cost(module())
+            optimiser.zero_grad()
+            loss.backward()
+            optimiser.step()
+            trace.add(_values(module, task))
+            if done(trace):
+                return trace
+
+
+def lbfgs(task: Task, *, compiled: bool = False, patience: float = math.inf) -> Trace:
+    """L-BFGS with strong-Wolfe line search; at any time it hands over what had the lowest cost.
+
+    Args:
+        task: what is fitted.
+        compiled: as of `adam`.
+        patience: seconds after which it ends.
+    """
+    module = _module(task)
+    cost = _cost(task, module, compiled)
+    trace = Trace()
+    optimiser = torch.optim.LBFGS(module.parameters(), max_iter=_LBFGS_ITERATIONS, line_search_fn="strong_wolfe")
+    lowest = torch.inf
+
+    def closure() -> Tensor:
+        nonlocal lowest
+        _go_on(trace, patience)
+        optimiser.zero_grad()
+        loss = cost()
+        loss.backward()
+        if loss.item() < lowest:
+            lowest = loss.item()
+            trace.add(_values(module, task))
+        return loss
+
+    with suppress(_OutOfTime):
+        optimiser.step(closure)
+    return trace
+
+
+def least_squares(task: Task, *, patience: float = math.inf) -> Trace:
+    """scipy's trust-region reflective solver with bounds and the Jacobian of torch's forward mode.
+
+    Args:
+        task: what is fitted.
+        patience: seconds after which it ends.
+    """
+    from scipy.optimize import least_squares as solve
+
+    trace = Trace()
+    channels = task.radiance.shape[1]
+    declared = task.start.declared
+    sizes = [channels if declared[name].per_channel else 1 for name in task.free]
+    root = task.weight.sqrt()
+    base = task.start.to(task.radiance.dtype, "cpu")
+
+    def unpack(x: Tensor) -> Values:
+        return dict(zip(task.free, x.split(sizes), strict=True))
+
+    def residual(x: Tensor) -> Tensor:
+        return (root * (shade(base.replace(unpack(x)), task.points) - task.radiance)).flatten()
+
+    def cast(x: object) -> Tensor:
+        return torch.as_tensor(x, dtype=task.radiance.dtype)
+
+    def jacobian(x: object) -> object:
+        # It is asked for where a step has been taken.
+        trace.add(unpack(cast(x)))
+        _go_on(trace, patience)
+        return torch.func.jacfwd(residual)(cast(x)).double().numpy()
+
+    def function(x: object) -> object:
+        with torch.no_grad():
+            return residual(cast(x)).double().numpy()
+
+    start = torch.cat([base.parameters[name].expand(n) for name, n in zip(task.free, sizes, strict=True)])
+    ends = [
+        [getattr(declared[name].domain, end) for name, n in zip(task.free, sizes, strict=True) for _ in range(n)]
+        for end in ("lower", "upper")
+    ]
+    with suppress(_OutOfTime):
+        found = solve(function, start.double().numpy(), jac=jacobian, bounds=ends, method="trf", x_scale="jac")
+        trace.add(unpack(cast(found.x)))
+    return trace
+
+
+def _go_on(trace: Trace, patience: float) -> None:
+    """Nothing while there is time; else what there is is what would be handed over.
+
+    Raises:
+        _OutOfTime: always then.
+    """
+    if trace.elapsed > patience and trace.values:
+        trace.add(trace.values[-1])
+        raise _OutOfTime
+
+
+def _cost(task: Task, module: Trainable, compiled: bool) -> Callable[[], Tensor]:
+    """The cost of all samples as a function of the module's parameters."""
+
+    def cost() -> Tensor:
+        return task.cost(module())
+
+    if compiled:
+        torch.compiler.reset()
+        cost = torch.compile(cost)
+        with warnings.catch_warnings(action="ignore"):
+            cost().backward()
+    return cost
+
+
+def _module(task: Task) -> Trainable:
+    channels = task.radiance.shape[1]
+    spread = {
+        name: task.start.parameters[name].expand(channels)
+        for name in task.free
+        if task.start.declared[name].per_channel
+    }
+    fixed = tuple(
+        name for name, declared in task.start.declared.items() if name not in task.free and not declared.gauge
+    )
+    return Trainable(task.start.replace(spread), fixed=fixed)
+
+
+def _values(module: Trainable, task: Task) -> Values:
+    with torch.no_grad():
+        found = module().parameters
+    return {name: found[name] for name in task.free}
+
+
+def raced(name: str, against: Collection[str]) -> bool:
+    """Whether one of the peers that a run is named after ("adam, mini-batches") is wanted."""
+    return any(part.strip() in against for part in name.split(","))

@@ -1,0 +1,1 @@
+"""What `matest benchmark` runs, one file a suite."""

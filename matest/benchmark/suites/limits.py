@@ -1,0 +1,99 @@
+"""What the machine can do at best, measured in the same run as the figures that are compared with it."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import cv2
+import torch
+from rich.console import Group
+from rich.text import Text
+
+from matest.benchmark.instruments.passes import product, seconds
+from matest.benchmark.instruments.photographs import take
+from matest.benchmark.instruments.timing import TILE
+from matest.benchmark.record import Progress, Record
+from matest.benchmark.tables import by_case, figure, notes, ruled
+from matest.workers import processors
+
+# Numbers in an array that no cache holds: 128 MB.
+LARGE = 2**25
+# Photographs that are decoded, and their size.
+IMAGES, SIZE = 4, 384
+ROUNDS = 5
+# The metric that tells a quick run from a full one.
+QUICK = "quick"
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits of the machine.
+
+    Attributes:
+        copy: seconds to copy one byte of a large array.
+        decode: seconds to decode one pixel of a 16-bit RGB PNG, one thread a processor.
+        tiled: seconds of one element-wise product of float32 numbers, per number, in tiles that the cache holds.
+        whole: the same in one call on a large array.
+    """
+
+    copy: float
+    decode: float
+    tiled: float
+    whole: float
+
+
+@cache
+def machine() -> Limits:
+    """The limits, measured once a process."""
+    source = torch.ones(LARGE)
+    target = torch.empty_like(source)
+    copied, tiled, whole = seconds(
+        lambda: target.copy_(source), product(LARGE // 8, TILE), product(LARGE // 8, LARGE // 8)
+    )
+    with tempfile.TemporaryDirectory() as name:
+        folder = take(Path(name), "oren-nayar", images=IMAGES, size=SIZE)
+        files = sorted(folder.glob("[0-9]*.png"))
+        decoded = min(decode(files) for _ in range(ROUNDS))
+    return Limits(copied / (4 * LARGE), decoded / (IMAGES * SIZE**2), 8 * tiled / LARGE, 8 * whole / LARGE)
+
+
+def decode(files: Sequence[Path]) -> float:
+    """Seconds that OpenCV needs to decode images, one thread per processor."""
+    start = time.perf_counter()
+    with ThreadPoolExecutor(processors()) as pool:
+        for image in pool.map(lambda file: cv2.imread(str(file), cv2.IMREAD_UNCHANGED), files):
+            del image
+    return time.perf_counter() - start
+
+
+def run(quick: bool, progress: Progress) -> Iterator[Record]:
+    """Records of the limits, and of what run they belong to."""
+    progress("copy, decoding, one element-wise pass")
+    found = machine()
+    yield Record("limits", "run", QUICK, int(quick), "1")
+    yield Record("limits", "machine", "processors", processors(), "1", "higher")
+    # A copy reads and writes.
+    yield Record("limits", "machine", "memory bandwidth", 2e-9 / found.copy, "GB/s", "higher")
+    yield Record("limits", "machine", "decoding", 1e9 * found.decode, "ns")
+    yield Record("limits", "machine", "pass in tiles", 1e9 * found.tiled, "ns")
+    yield Record("limits", "machine", "pass in one call", 1e9 * found.whole, "ns")
+
+
+def limits_table(found: list[Record]) -> Group:
+    """The limits in one row."""
+    metrics = by_case(found)["machine"]
+    heads = ("memory\nGB/s", "decoding\nns a pixel", "pass in tiles\nns a number", "in one call\nns a number")
+    table = ruled("processors", *heads)
+    processor, *others = (figure(record) for record in metrics.values())
+    table.add_row(processor, *others)
+    about = (
+        "What this machine can do at best, measured in this run: copying a large array; decoding 16-bit RGB PNG with "
+        "OpenCV; one element-wise product of two tensors."
+    )
+    return Group(Text(about), "", table, *notes(found))

@@ -1,0 +1,176 @@
+"""Every model at adversarial directions and parameter values: non-finite results, and float32 against float64."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+
+import torch
+from torch import Tensor
+
+from matest.benchmark.instruments import precision
+from matest.benchmark.instruments.adversarial import direction_pairs, parameter_values
+from matest.benchmark.instruments.passes import heavy
+from matest.benchmark.record import Progress, Record
+from matest.brdf import MODELS, Brdf, model, variants
+
+POINTS, POINTS_QUICK = 10_000_000, 8_192
+# Points at a time: as many as stay near the cache; of a sum over thousands of facets, as few as keep their derivatives
+# below 3 GB.
+TILE, TILE_HEAVY = 16_384, 4096
+SEED = 1
+
+Inputs = dict[str, Tensor]
+Results = dict[str, Tensor]
+
+
+def run(quick: bool, progress: Progress) -> Iterator[Record]:
+    """Records of every model and every choice of its options.
+
+    Sums over many facets, a hundred times as slow as the others, see a tenth of the points, and a hundredth under
+    options other than their default.
+    """
+    yield from _all(POINTS_QUICK if quick else POINTS, math.inf, progress)
+
+
+def within(seconds: float, progress: Progress) -> Iterator[Record]:
+    """The same at as many points as so many seconds allow."""
+    yield from _all(POINTS, seconds, progress)
+
+
+def _all(points: int, seconds: float, progress: Progress) -> Iterator[Record]:
+    expressions = variants()
+    for expression in expressions:
+        brdf = model(expression)[0]
+        share = 1 if not heavy(brdf) else 10 if expression in MODELS else 100
+        yield from examine(brdf, points // share, progress, seconds / len(expressions))
+
+
+def examine(brdf: Brdf, points: int, progress: Progress = lambda *_: None, seconds: float = math.inf) -> list[Record]:
+    """Count what is not finite at `points` adversarial points, and measure the worst error of float32.
+
+    In both precisions: values and first derivatives at every point, second derivatives (reverse over reverse) and
+    forward mode at one in 20, vmap of value and gradient at one in 1000. A point has its own directions and its own
+    value of every parameter; derivatives are by all of them. After so many seconds it ends with the points done so far.
+    """
+    case = brdf.expression
+    generator = torch.Generator().manual_seed(SEED)
+    tallies = {(dtype, kind): _Tally() for dtype in (torch.float32, torch.float64) for kind in KINDS}
+    tile = TILE_HEAVY if heavy(brdf) else TILE
+    end = time.perf_counter() + seconds
+    examined = 0
+    while examined < points and (not examined or time.perf_counter() < end):
+        n = min(tile, points - examined)
+        examined += n
+        wi, wo = direction_pairs(n, generator)
+        inputs = {**parameter_values(brdf.declared, n, generator), "wi": wi, "wo": wo}
+        for (dtype, kind), tally in tallies.items():
+            compute, share = KINDS[kind]
+            tally.add({name: value[: -(-n // share)].to(dtype) for name, value in inputs.items()}, compute, brdf)
+        progress(case, examined, points)
+    records = [Record("stress", case, "points", examined, "1", "higher")]
+    for (dtype, kind), tally in tallies.items():
+        metric = f"{str(dtype).removeprefix('torch.')} non-finite {kind}"
+        records.append(Record("stress", case, metric, tally.broken, "1", limit=0, note=tally.note))
+    worst, note = precision.worst_error(brdf, min(400, examined // 250), generator)
+    return [*records, Record("stress", case, "float32 error", worst, "tolerance", limit=1, note=note)]
+
+
+def _values(brdf: Brdf, inputs: Inputs) -> Results:
+    with torch.no_grad():
+        return {"value": _evaluate(brdf, inputs)}
+
+
+def _first(brdf: Brdf, inputs: Inputs) -> Results:
+    leaves = _leaves(inputs)
+    return _gradient(_evaluate(brdf, leaves).sum(), leaves)
+
+
+def _second(brdf: Brdf, inputs: Inputs) -> Results:
+    """Derivatives of a randomly weighted sum of the first ones."""
+    leaves = _leaves(inputs)
+    first = _gradient(_evaluate(brdf, leaves).sum(), leaves, create_graph=True)
+    # Derivatives that are constant have none of their own.
+    weighted = [(slope * _random_like(slope)).sum() for slope in first.values() if slope.requires_grad]
+    return _gradient(torch.stack(weighted).sum(), leaves) if weighted else {}
+
+
+def _forward(brdf: Brdf, inputs: Inputs) -> Results:
+    """The derivative along a random direction, by forward mode."""
+    tangents = {name: _random_like(value) for name, value in inputs.items()}
+    return {"value": torch.func.jvp(lambda inputs: _evaluate(brdf, inputs), (inputs,), (tangents,))[1]}
+
+
+def _batched(brdf: Brdf, inputs: Inputs) -> Results:
+    """Value and gradient point by point, under vmap."""
+
+    def value(inputs: Inputs) -> Tensor:
+        return _evaluate(brdf, inputs).sum()
+
+    gradients, values = torch.vmap(torch.func.grad_and_value(value))(inputs)
+    return {"value": values[:, None], **{f"by {name}": gradient for name, gradient in gradients.items()}}
+
+
+Compute = Callable[[Brdf, Inputs], Results]
+# What is computed, and at one in how many points.
+KINDS: dict[str, tuple[Compute, int]] = {
+    "values": (_values, 1),
+    "first derivatives": (_first, 1),
+    "second derivatives": (_second, 20),
+    "forward derivatives": (_forward, 20),
+    "batched derivatives": (_batched, 1000),
+}
+
+
+class _Tally:
+    """How many points gave something that is not finite, and for every input the first of them."""
+
+    def __init__(self) -> None:
+        self.broken = 0
+        self._counts: Counter[str] = Counter()
+        self._first: dict[str, str] = {}
+
+    def add(self, inputs: Inputs, compute: Compute, brdf: Brdf) -> None:
+        n = len(inputs["wi"])
+        try:
+            results = compute(brdf, inputs)
+        except RuntimeError as error:
+            # A model that cannot be differentiated in this way is broken everywhere; the others are still examined.
+            results = {f"raised '{str(error).splitlines()[0]}'": torch.full((n, 1), torch.nan)}
+        broken = torch.zeros(n, dtype=torch.bool)
+        for name, result in results.items():
+            bad = ~result.isfinite().flatten(1).all(dim=1)
+            if bad.any():
+                broken |= bad
+                self._counts[name] += int(bad.sum())
+                self._first.setdefault(name, precision.place(inputs, int(bad.nonzero()[0])))
+        self.broken += int(broken.sum())
+
+    @property
+    def note(self) -> str:
+        by_place: dict[str, list[str]] = {}
+        for name, place in self._first.items():
+            by_place.setdefault(place, []).append(f"{name} ({self._counts[name]})")
+        return "\n".join(f"{', '.join(names)}: first at {place}" for place, names in by_place.items())
+
+
+def _evaluate(brdf: Brdf, inputs: Inputs) -> Tensor:
+    return brdf.replace({name: inputs[name] for name in brdf.declared})(inputs["wi"], inputs["wo"])
+
+
+def _leaves(inputs: Inputs) -> Inputs:
+    return {name: value.detach().requires_grad_() for name, value in inputs.items()}
+
+
+def _gradient(total: Tensor, inputs: Inputs, create_graph: bool = False) -> Results:
+    gradients = torch.autograd.grad(
+        total, list(inputs.values()), create_graph=create_graph, allow_unused=True, materialize_grads=True
+    )
+    return {f"by {name}": gradient for name, gradient in zip(inputs, gradients, strict=True)}
+
+
+def _random_like(tensor: Tensor) -> Tensor:
+    generator = torch.Generator().manual_seed(SEED)
+    return torch.randn(tensor.shape, generator=generator, dtype=tensor.dtype)

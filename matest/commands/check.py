@@ -1,0 +1,64 @@
+"""The command `matest check`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from matest.commands import arguments
+from matest.commands.console import console, print_json, progress
+
+
+def check(
+    capture: Annotated[Path, typer.Argument(metavar="CAPTURE", help="Folder with a capture.toml, or a scene.toml.")],
+    model: Annotated[
+        str | None,
+        typer.Option(
+            help="A model or sum, see 'matest models'. Default: the scene's, else oren-nayar+cook-torrance.",
+            show_default=False,
+        ),
+    ] = None,
+    at: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE", help="Predict for this value of an estimated parameter."),
+    ] = None,
+    fix: arguments.Fix = None,
+    free: arguments.Free = None,
+    tie: arguments.Tie = None,
+    noise: Annotated[
+        str | None,
+        typer.Option(
+            metavar="READ,GAIN", help="Camera noise, fractions of full scale: variance = READ² + GAIN·signal."
+        ),
+    ] = None,
+    transfer: arguments.Transfer = None,
+    as_json: arguments.Json = False,
+) -> None:
+    """Say before any fit what images can tell of a model.
+
+    The standard error that each parameter will get, predicted from geometry, lights and noise alone; what stays
+    undetermined, and why; and the direction of one more light that would help most. The photographs need not exist.
+    """
+    from matest import identifiability
+    from matest.estimation.specification import Constraints
+
+    constraints = Constraints(
+        dict(map(arguments.assignment, fix or [])), tuple(free or ()), dict(map(arguments.pair, tie or []))
+    )
+    assumed = dict(arguments.assignment(text, "--at") for text in at or [])
+    stated = None if noise is None else arguments.noise(noise)
+    with progress(str(capture)) as say:
+        plan = identifiability.load_plan(
+            capture,
+            transfer=arguments.transfer(transfer),
+            progress=lambda done, total: say("reading images", done, total),
+        )
+        found = identifiability.check(plan, model, constraints=constraints, at=assumed, noise=stated, progress=say)
+    if as_json:
+        print_json(found.to_dict())
+        return
+    from matest.report.identifiability import check_report
+
+    console().print(check_report(found))

@@ -1,0 +1,1 @@
+"""The facade: from samples and a model expression to an estimate."""

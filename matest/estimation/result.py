@@ -1,0 +1,168 @@
+"""The outcome of an estimate: parameters with error bars, how the fit went, and its JSON form."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from matest.brdf import Brdf, model
+from matest.errors import InputError
+from matest.inference.quantities import ParameterEstimate
+
+SCHEMA = "matest.estimate/1"
+
+
+@dataclass(frozen=True)
+class Fit:
+    """How well the model describes the images.
+
+    Attributes:
+        rmse: root mean square residual, radiance.
+        relative_rmse: that over the rms radiance of the samples used.
+        reduced_chi2: sum of squared residuals in units of the noise variance, per degree of freedom.
+        samples: usable samples (pixels of all images); saturated ones come on top, as lower bounds of their radiance.
+        samples_used: of those, the ones in the final pass.
+        outliers: share of the values that lie too far from the model to be believed and were left out.
+        iterations: evaluations over all samples (all from one pass where the model separates).
+        status: "converged" or "not converged".
+        message: the same as a sentence.
+        errors: what the error bars rest on: "fisher", "jackknife over images" or "jackknife over blocks".
+    """
+
+    rmse: float
+    relative_rmse: float
+    reduced_chi2: float
+    samples: int
+    samples_used: int
+    iterations: int
+    status: str
+    message: str
+    errors: str
+    outliers: float = 0.0
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A model that was tried. `score`: error on images left out, relative to the signal."""
+
+    model: str
+    score: float
+    relative_rmse: float
+    reason: str
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The estimated material of a capture, with everything a report needs.
+
+    Attributes:
+        capture: name of the capture.
+        model: expression of the model.
+        material: the model at the estimated values.
+        parameters: by name (in a sum: by path).
+        labels: names of the rows of `correlation`.
+        correlation: of the estimates, [P][P].
+        fit: quality of the fit.
+        relative: light known up to one common scale, so albedo-like parameters are too.
+        candidates: models tried by `auto`.
+        skipped: what was not computed, and why: components, samples, work.
+        timing_s: seconds per stage.
+        holdout: images left out of the fit and the error there.
+        provenance: version, command, hashes of the inputs.
+        warnings: sentences.
+    """
+
+    capture: str
+    model: str
+    material: Brdf
+    parameters: dict[str, ParameterEstimate]
+    labels: list[str]
+    correlation: list[list[float]]
+    fit: Fit
+    relative: bool
+    candidates: list[Candidate] = field(default_factory=list)
+    skipped: dict[str, Any] = field(default_factory=dict)
+    timing_s: dict[str, float] = field(default_factory=dict)
+    holdout: dict[str, Any] | None = None
+    provenance: dict[str, Any] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+
+    @property
+    def channels(self) -> int:
+        """Number of values of the parameters that have one per channel; 1 if none has."""
+        return max((len(p.value) for p in self.parameters.values() if isinstance(p.value, list)), default=1)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The content of `result.json`."""
+        out: dict[str, Any] = {
+            "schema": SCHEMA,
+            "capture": self.capture,
+            "model": self.model,
+            "radiometry": "relative" if self.relative else "absolute",
+            "parameters": {name: asdict(parameter) for name, parameter in self.parameters.items()},
+            "correlation": {"names": self.labels, "matrix": self.correlation},
+            "fit": asdict(self.fit),
+            "candidates": [asdict(candidate) for candidate in self.candidates],
+            "skipped": self.skipped,
+            "timing_s": self.timing_s,
+        }
+        if self.holdout is not None:
+            out["holdout"] = self.holdout
+        return out | {"provenance": self.provenance, "warnings": self.warnings}
+
+    def material_dict(self) -> dict[str, Any]:
+        """The content of `material.json`: the model and the values that shading needs.
+
+        Those that the images do not determine are among them (they belong to the best fit, one of many), and named.
+        """
+        values = {name: value.tolist() for name, value in self.material.parameters.items()}
+        radiometry = "relative" if self.relative else "absolute"
+        lost = [name for name, parameter in self.parameters.items() if parameter.status == "not determined"]
+        return {"model": self.model, "radiometry": radiometry, "parameters": values, "not_determined": lost}
+
+
+def material_is_relative(path: str | Path) -> bool:
+    """Whether a stored material was estimated under lights of unknown strength: its albedo has a free scale."""
+    return _read_material(path).get("radiometry") == "relative"
+
+
+def load_material(path: str | Path) -> Brdf:
+    """The material of a result folder (or of its `material.json`), ready for shading.
+
+    Raises:
+        InputError: there is none, or it cannot be read.
+    """
+    content = _read_material(path)
+    try:
+        brdf, _ = model(content["model"])
+        # Under relative radiometry an albedo may pass 1: tensors are taken as they are.
+        values = {key: torch.as_tensor(value, dtype=torch.float64) for key, value in content["parameters"].items()}
+        return brdf.replace(values)
+    except InputError as error:
+        raise InputError(f"{_material_file(path)}: expected a material of 'matest estimate'; {error}") from None
+    except (TypeError, ValueError, RuntimeError) as error:
+        file = _material_file(path)
+        raise InputError(f"{file}: expected a material of 'matest estimate'; cannot read it ({error}).") from None
+
+
+def _material_file(path: str | Path) -> Path:
+    path = Path(path)
+    return path / "material.json" if path.is_dir() else path
+
+
+def _read_material(path: str | Path) -> dict[str, Any]:
+    file = _material_file(path)
+    if not file.is_file():
+        raise InputError(
+            f"{path}: expected a result folder of 'matest estimate', with a material.json; check the path."
+        )
+    try:
+        content = json.loads(file.read_text("utf-8"))
+        _ = content["model"], content["parameters"].items()
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{file}: expected a material of 'matest estimate'; cannot read it ({error}).") from None
+    return content

@@ -1,0 +1,1 @@
+"""Training loops: models as torch modules, stochastic gradients, checkpoints."""

@@ -1,0 +1,70 @@
+"""Whether one step over all samples is enough, judged by those of the pilot."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from matest.brdf import Brdf, CookTorrance
+from matest.estimators import AllTiles, accumulate, fit, fit_batches
+from matest.estimators.levenberg_marquardt import Solution, minimise
+from matest.estimators.moments import SCORES, Statistics
+from matest.estimators.one_step import CLOSE, single_step
+from matest.photographs.pilot import pilot
+from matest.photographs.samples import Samples
+from tests.problems import problem
+from tests.simulated import Studio
+
+GLOSSY = CookTorrance(0.3, 0.6, 0.3, 0.04)
+
+
+def photographed(material: Brdf = GLOSSY, size: int = 96) -> Samples:
+    return Studio(size=size).photograph(material, seed=3).samples()
+
+
+def begun(samples: Samples, count: int = 8000) -> tuple[Solution, Statistics]:
+    """The optimum of a small pilot, and the statistics of all samples there."""
+    found = fit_batches(problem("cook-torrance", fix={"f0": 0.04}), pilot(samples, count, seed=0))
+    return found, accumulate(found.problem, found.unknowns, AllTiles(samples), found.unknowns, found.misfit)
+
+
+def standard_errors(one: Solution, other: Solution) -> float:
+    change = one.unknowns - other.unknowns
+    return float(change @ one.statistics.information @ change) ** 0.5
+
+
+def test_one_step_from_the_pilot_ends_where_many_do() -> None:
+    samples = photographed()
+    start, statistics = begun(samples)
+    once = single_step(start, statistics)
+    assert once is not None
+    assert (once.iterations, once.converged) == (1, True)
+
+    def evaluate(unknowns: torch.Tensor) -> Statistics:
+        return accumulate(start.problem, unknowns, AllTiles(samples), start.unknowns, start.misfit)
+
+    whole = minimise(start.problem, start.unknowns, evaluate, passes=20, tolerance=1e-3)
+    assert standard_errors(start, whole) > 0.5
+    assert standard_errors(once, whole) < CLOSE
+    assert once.statistics.reduced_chi2 == pytest.approx(whole.statistics.reduced_chi2, rel=1e-3)
+    assert fit(start.problem, samples, 0).iterations == 1
+
+
+def test_a_step_so_long_that_the_model_bends_is_not_enough() -> None:
+    samples = photographed()
+    assert single_step(*begun(samples, 2000)) is None
+    start, _ = begun(samples)
+    far = start.unknowns.clone()
+    far[start.problem.where["slope"]] *= 1.2
+    away = replace(start, unknowns=far)
+    assert single_step(away, accumulate(start.problem, far, AllTiles(samples), far)) is None
+
+
+def test_a_model_that_misses_takes_another_pass() -> None:
+    start, statistics = begun(photographed())
+    scores = statistics.scores.clone()
+    scores[:, SCORES.index("chi2")] *= 1.1
+    assert single_step(start, statistics) is not None
+    assert single_step(start, replace(statistics, scores=scores)) is None

@@ -1,0 +1,189 @@
+"""Patches of pixels that four samples stand for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from matest.brdf import CookTorrance, OrenNayar
+from matest.estimators import AllTiles, Problem, accumulate
+from matest.estimators.moments import SCORES
+from matest.photographs.patches import Patches
+from matest.photographs.photometry import Encoding, Noise
+from matest.photographs.samples import Samples
+from matest.photographs.squares import (
+    NINE,
+    NODES,
+    PATCH,
+    PIXELS,
+    PROJECTION,
+    QUILT,
+    QUILT_SIDE,
+    SEW,
+    SHARE,
+    UNPICK,
+    by_rows,
+)
+from tests.problems import problem
+from tests.simulated import Studio, coloured
+
+SIZE = 256
+MATERIALS = {
+    "oren-nayar": OrenNayar((0.7, 0.5, 0.3), 0.6),
+    "cook-torrance": CookTorrance((0.4, 0.2, 0.1), 0.8, 0.3, 0.04),
+}
+
+
+def samples(expression: str = "oren-nayar", seed: int = 0) -> Samples:
+    return Studio(size=SIZE, lights=coloured()).photograph(MATERIALS[expression], seed=seed).samples()
+
+
+def truth(expression: str) -> tuple[Problem, torch.Tensor]:
+    chosen = problem(expression, channels=3)
+    values = MATERIALS[expression].parameters
+    parts = [values[name].expand(chosen.count(name)) if chosen.count(name) > 1 else values[name].reshape(1)
+             for name in chosen.free]  # fmt: skip
+    return chosen, torch.cat(parts).double()
+
+
+def test_the_four_of_a_patch_carry_its_bilinear_part() -> None:
+    rows, columns = np.meshgrid(np.arange(7) - 3.0, np.arange(7) - 3.0, indexing="ij")
+    plane = torch.from_numpy(2 + 0.5 * rows - 0.3 * columns + 0.1 * rows * columns).flatten()
+    torch.testing.assert_close(PROJECTION @ plane, plane[list(NODES)])
+
+
+def test_the_four_of_a_patch_are_independent_and_as_precise_as_twelve_pixels_and_a_quarter() -> None:
+    torch.testing.assert_close(PROJECTION @ PROJECTION.T, torch.eye(4, dtype=torch.float64) / SHARE)
+
+
+def test_quadratic_shading_keeps_its_mean() -> None:
+    rows, columns = np.meshgrid(np.arange(7) - 3.0, np.arange(7) - 3.0, indexing="ij")
+    curved = torch.from_numpy(rows**2 + 0.5 * columns**2 - columns).flatten()
+    torch.testing.assert_close((PROJECTION @ curved).mean(), curved.mean())
+    torch.testing.assert_close(PROJECTION @ curved, curved[list(NODES)])
+
+
+def _steps(places: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns, from the middle of a quilt."""
+    rows, columns = np.meshgrid(places, places, indexing="ij")
+    return rows.ravel().astype(float), columns.ravel().astype(float)
+
+
+def _biquadratic(rows: np.ndarray, columns: np.ndarray) -> torch.Tensor:
+    x, y = columns / 8, rows / 8
+    return torch.from_numpy(1 + 0.3 * x - 0.7 * y + 0.2 * x * y + 0.5 * x**2 - 0.4 * y**2 * x + 0.1 * x**2 * y**2)
+
+
+def test_the_nine_of_a_quilt_carry_its_biquadratic_part() -> None:
+    whole = _biquadratic(*_steps(tuple(range(-10, 11)))).reshape(3, 7, 3, 7)
+    patches = whole.permute(1, 3, 0, 2).reshape(PIXELS, NINE)
+    sewn = SEW @ by_rows((PROJECTION @ patches).reshape(4, NINE, 1))[..., 0]
+    torch.testing.assert_close(sewn, _biquadratic(*_steps((-8, 0, 8)))[:, None])
+    torch.testing.assert_close((UNPICK @ sewn)[:, 0], _biquadratic(*_steps((-9, -5, -2, 2, 5, 9))))
+    torch.testing.assert_close((QUILT.checks @ sewn)[:, 0], _biquadratic(*_steps((-4, 4))))
+
+
+def test_the_nine_of_a_quilt_are_as_precise_as_its_pixels() -> None:
+    rows, columns = _steps(tuple(range(-10, 11)))
+    down, across = _steps((-8, 0, 8))
+    assert float(QUILT.shares.sum()) == pytest.approx(QUILT_SIDE**2)
+    for powers in ((0, 0), (1, 0), (0, 1), (1, 1)):
+        every, own = ((y ** powers[0] * x ** powers[1]) ** 2 for y, x in ((rows, columns), (down, across)))
+        assert float((QUILT.shares.numpy() * own).sum()) == pytest.approx(every.sum())
+    for x, y in ((columns, across), (rows, down)):
+        # Parabolas about their mean: a little less, never more.
+        every = ((x**2 - (x**2).mean()) ** 2).sum()
+        own = float((QUILT.shares.numpy() * (y**2 - (x**2).mean()) ** 2).sum())
+        assert 0.93 * every < own < every
+
+
+def test_every_usable_pixel_counts_once() -> None:
+    chosen = samples()
+    patches = Patches(chosen)
+    for position, count in enumerate(chosen.counts):
+        batches = [patches.batch(position, part) for part in range(patches.parts(position))]
+        assert sum(float(batch.copies.sum()) for batch in batches) == pytest.approx(count, rel=1e-6)
+        assert all(sum(length for _, length in batch.runs) == len(batch) for batch in batches)
+        assert sum(len(batch) for batch in batches) < count / 3
+
+
+def test_blocks_of_pixels_keep_their_labels() -> None:
+    chosen = samples()
+    merged, single = (accumulate(*truth("oren-nayar"), AllTiles(chosen, merge), None) for merge in (True, False))
+    assert torch.equal(merged.labels, single.labels)
+    counts = [found.scores[:, SCORES.index("samples")].numpy() for found in (merged, single)]
+    # A quilt on the border of two blocks belongs to one of them.
+    np.testing.assert_allclose(*counts, atol=42 * SIZE / 4)
+
+
+@pytest.mark.parametrize("expression", MATERIALS)
+def test_merged_pixels_say_what_single_ones_do(expression: str) -> None:
+    chosen = samples(expression)
+    unknown, at = truth(expression)
+    single, merged = (accumulate(unknown, at, AllTiles(chosen, merge), at) for merge in (False, True))
+    assert merged.total("evaluated") < 0.7 * single.total("evaluated")
+    assert merged.total("samples") == single.total("samples")
+    std = torch.linalg.inv(single.information).diagonal().sqrt()
+    torch.testing.assert_close(
+        torch.linalg.inv(merged.information).diagonal().sqrt(), std, rtol=2e-3, atol=0
+    )  # fmt: skip
+    steps = [torch.linalg.solve(found.information, found.gradient) / std for found in (single, merged)]
+    assert float((steps[1] - steps[0]).abs().max()) < 0.1
+    assert merged.reduced_chi2 == pytest.approx(single.reduced_chi2, rel=2e-3)
+    assert merged.total("squared_signal") == pytest.approx(single.total("squared_signal"), rel=1e-5)
+
+
+def test_a_spoilt_pixel_leaves_its_patch_single_and_those_around_it_to_themselves() -> None:
+    chosen = samples()
+    middle = Patches(chosen).layout.patches[:, NINE * (Patches(chosen).layout.quilts.shape[1] // 2)]
+    stored = [image.copy() for image in chosen.capture.stored]
+    stored[0][middle[5]] = 0.9 * stored[0].max()
+    spoilt = Samples(replace(chosen.capture, stored=tuple(stored)), chosen.images, chosen.dtype, chosen.device)
+    before, after = (Patches(some).batch(0, 0) for some in (chosen, spoilt))
+    assert after.merged is not None
+    assert before.merged is not None
+    (quilts, patches), (fewer, more) = ([count for _, count in batch.merged.tiers] for batch in (before, after))
+    assert (fewer, more) == (quilts - 1, patches + 8)
+    assert len(after) - len(before) == PIXELS + 8 * PATCH.size - QUILT.size
+
+
+def test_saturated_pixels_stay_single() -> None:
+    studio = Studio(size=SIZE, lights=coloured())
+    bright = studio.photograph(MATERIALS["cook-torrance"], seed=0)
+    stored = tuple(np.round(65535 * image.clip(0, 1)).astype(np.uint16) for image in 4 * np.stack(bright.stored))
+    capture = replace(bright, stored=stored, encoding=Encoding(saturation=1.0), exposures=(4.0,) * len(stored))
+    chosen = replace(capture, noise=Noise(0.008, 0.002)).samples()
+    patches = Patches(chosen)
+    clipped = 0
+    for position in range(len(chosen.images)):
+        batch = patches.batch(position, 0)
+        assert batch.merged is not None
+        if batch.clipped is not None:
+            assert not bool(batch.clipped[: sum(tier.size * count for tier, count in batch.merged.tiers)].any())
+            clipped += int((batch.clipped > 0).any(-1).sum())
+    assert clipped == chosen.skipped["saturated"] > 100
+
+
+def test_creases_and_noisy_normals_are_not_smooth() -> None:
+    chosen = samples()
+    surface = chosen.capture.scene.surface
+    generator = torch.Generator().manual_seed(0)
+    noisy = surface.normals + 0.003 * torch.randn(surface.normals.shape, generator=generator, dtype=torch.float64)
+    columns = surface.pixels % SIZE
+    creased = surface.normals.clone()
+    creased[torch.from_numpy(columns > SIZE // 2)] = torch.tensor([0.6, 0.0, 0.8], dtype=torch.float64)
+    for normals, smooth in ((noisy, False), (creased, True)):
+        scene = replace(chosen.capture.scene, surface=replace(surface, normals=normals / normals.norm(dim=-1)[:, None]))
+        found = Patches(Samples(replace(chosen.capture, scene=scene), chosen.images, chosen.dtype, chosen.device))
+        assert bool(found.layout.patches.size) == smooth
+        across = columns[found.layout.patches]
+        assert not ((across <= SIZE // 2).any(0) & (across > SIZE // 2).any(0)).any()
+
+
+def test_small_surfaces_are_not_merged() -> None:
+    chosen = Studio(size=64, lights=coloured()).photograph(MATERIALS["oren-nayar"], seed=0).samples()
+    assert not Patches(chosen).layout.patches.size
+    assert Patches(chosen).batch(0, 0).merged is None
