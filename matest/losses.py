@@ -37,12 +37,13 @@ def likelihood(rendered: Tensor, batch: Batch, *, degrees_of_freedom: float | No
     if degrees_of_freedom is not None:
         misfit = (degrees_of_freedom + 1) * torch.log1p(misfit / degrees_of_freedom)
     value = 0.5 * (misfit + torch.log(variance))
-    if batch.clipped is not None and batch.limits is not None:
-        lower, upper = batch.limits
+    clipped, limits = batch.noise.clipped, batch.noise.limits
+    if clipped is not None and limits is not None:
+        lower, upper = limits
         # The end that a value is clipped at, or its own: an infinite one would leave gradients without value.
-        ends = torch.where(batch.clipped > 0, upper, torch.where(batch.clipped < 0, lower, batch.radiance))
-        beyond = (rendered - ends) * batch.clipped.sign() / variance.sqrt()
-        value = torch.where(batch.clipped == 0, value, -torch.special.log_ndtr(beyond))
+        ends = torch.where(clipped > 0, upper, torch.where(clipped < 0, lower, batch.radiance))
+        beyond = (rendered - ends) * clipped.sign() / variance.sqrt()
+        value = torch.where(clipped == 0, value, -torch.special.log_ndtr(beyond))
     return value.mean()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -109,6 +110,18 @@ def reflectance(brdf: Brdf, cos_o: Tensor) -> Tensor:
     return total
 
 
+def sky_light(points: Points, tables: Callable[[], Sequence[Tensor]]) -> Tensor | None:
+    """What an even sky makes of K shapes at n points [K, n, C] (or [K, S, n, C]); None where there is no sky.
+
+    Args:
+        points: with their ambient radiance.
+        tables: gives each shape as `sky_terms` integrate it over the sky, [33, 1 or C], or S of these [S, 33, 1 or C].
+    """
+    if points.ambient is None:
+        return None
+    return torch.stack([points.ambient * interpolate(table, points.wo[..., 2:]) for table in tables()])
+
+
 def check_sky(brdf: Brdf) -> None:
     """Raise InputError for a model whose reflectance under an even sky is not a function of cos θr alone."""
     if brdf.anisotropic:
@@ -155,10 +168,10 @@ def sky_terms(terms: tuple[Term, ...]) -> list[Term]:
 
 
 def interpolate(table: Tensor, cos_o: Tensor) -> Tensor:
-    """Values [..., C] at `cos_o` [..., 1] from a table [33, C] over the cosines of `sky_nodes`."""
-    table = table.expand(_NODES, -1)
+    """Values [..., C] at `cos_o` [..., 1] from a table [33, C] over the cosines of `sky_nodes`; S of S tables."""
+    table = table.expand(*table.shape[:-2], _NODES, -1)
     position = cos_o[..., 0].clamp(0, 1) * (_NODES - 1)
     lower = position.detach().floor().clamp(max=_NODES - 2)
     share = (position - lower)[..., None]
     index = lower.long()
-    return table[index] * (1 - share) + table[index + 1] * share
+    return table[..., index, :] * (1 - share) + table[..., index + 1, :] * share

@@ -10,7 +10,8 @@ from torch import Tensor
 
 from matest.estimation.specification import Constraints, Value, specify
 from matest.estimators import Problem
-from matest.estimators.moments import Statistics, scores
+from matest.estimators.moments import scores
+from matest.estimators.statistics import Statistics
 
 
 def problem(

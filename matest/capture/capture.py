@@ -20,7 +20,7 @@ from matest.capture.assembly import Folder, build_encoding, build_scene, build_s
 from matest.errors import InputError
 from matest.photographs.images import full_scale, read_image
 from matest.photographs.photometry import FLOAT_FLOOR, Encoding, Noise, estimate_noise, quantisation, steps
-from matest.photographs.samples import Samples
+from matest.photographs.samples import PhotographSamples
 from matest.scene import Scene
 
 # Pixels beyond this many bytes go to a temporary file: memory does not grow with the number of images.
@@ -76,9 +76,9 @@ class Capture:
         *,
         dtype: torch.dtype = torch.float32,
         device: torch.device | str = "cpu",
-    ) -> Samples:
+    ) -> PhotographSamples:
         """Geometry and photometry of every lit pixel, tile by tile (of some images only, if given)."""
-        return Samples(self, tuple(range(len(self))) if images is None else tuple(images), dtype, device)
+        return PhotographSamples(self, tuple(range(len(self))) if images is None else tuple(images), dtype, device)
 
     def radiance(self, image: int, index: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Measured radiance [n, C] of object pixels, float32."""

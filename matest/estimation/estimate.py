@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 import torch
@@ -18,7 +17,7 @@ from matest.estimation.remarks import message, skipped, unread_samples, warnings
 from matest.estimation.result import Candidate, Estimate, Fit
 from matest.estimation.selection import select
 from matest.estimation.specification import Constraints, Specification, Value, freed, optics, specify
-from matest.estimators import AllTiles, Problem, Solution, accumulate, fit
+from matest.estimators import Problem, Solution, accumulate, fit
 from matest.estimators.covariance import fisher
 from matest.inference.error_bars import error_bars
 from matest.inference.parameter_estimates import (
@@ -29,7 +28,7 @@ from matest.inference.parameter_estimates import (
     with_profiles,
 )
 from matest.photographs.redundant import idle, without_copies
-from matest.photographs.samples import Samples
+from matest.photographs.samples import PhotographSamples
 from matest.shading import render
 
 # A parameter held by default is freed when its predicted relative error is below this.
@@ -91,7 +90,7 @@ def estimate(
     bars = error_bars(solution, samples)
     wider = freed(specification, _worth_freeing(specification, solution))
     if wider.problem.free != specification.problem.free:
-        problem = replace(wider.problem, gauge_limit=solution.problem.gauge_limit)
+        problem = wider.problem.limited(solution.problem.light_scale_limit)
         again = fit(problem, samples, seed, progress, _widened(problem, solution), precision or 0.0)
         judged = error_bars(again, samples)
         # What looked determined by its Fisher error may not be by an honest one.
@@ -171,9 +170,9 @@ def relative_error(capture: Capture, material: Brdf, images: Iterable[int]) -> f
             f"{capture.name}: the images have {capture.channels} channel(s), but the material was estimated for "
             f"{max(lengths)}; estimate it from images with the same channels."
         )
-    problem = Problem(material, capture.channels, (), material.parameters, {})
+    problem = Problem.of(material, capture.channels, (), material.parameters, {})
     nothing = torch.zeros(0, dtype=torch.float64)
-    statistics = accumulate(problem, nothing, AllTiles(capture.samples(images)), None)
+    statistics = accumulate(problem, nothing, capture.samples(images).tiles(merge=False), None)
     return statistics.relative_rmse if statistics.total("samples") else None
 
 
@@ -184,8 +183,8 @@ def _worth_freeing(specification: Specification, solution: Solution) -> list[str
         return []
     wider = freed(specification, names).problem
     unknowns = _widened(wider, solution)
-    statistics = accumulate(wider, unknowns, solution.tiles, unknowns, solution.misfit)
-    return worth_freeing(wider, names, unknowns, statistics.information / statistics.misfit)
+    statistics = accumulate(wider, unknowns, solution.tiles, unknowns, solution.residual_scale)
+    return worth_freeing(wider, names, unknowns, statistics.information / statistics.inflation)
 
 
 def worth_freeing(wider: Problem, names: Sequence[str], unknowns: Tensor, information: Tensor) -> list[str]:
@@ -239,7 +238,7 @@ def _fitted_images(capture: Capture, holdout: Sequence[int]) -> tuple[int, ...]:
     return images
 
 
-def _no_samples(capture: Capture, samples: Samples) -> str:
+def _no_samples(capture: Capture, samples: PhotographSamples) -> str:
     counts = ", ".join(f"{count} {reason}" for reason, count in samples.skipped.items() if count)
     return (
         f"{capture.name}: no lit pixel is left to fit: of all pixels, {counts}. Check that the lights face the object "

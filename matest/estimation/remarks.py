@@ -17,7 +17,7 @@ from matest.inference.parameter_estimates import known_by_ratio, seen_together
 from matest.inference.quantities import ParameterEstimate
 from matest.inference.unseen import unseen_amplitudes
 from matest.photographs.redundant import copied
-from matest.photographs.samples import Samples
+from matest.photographs.samples import PhotographSamples
 
 # Worth a word of warning: less than this share of the mask is geometry, a fit worse than this (not by noise alone, of
 # which there are no so many outliers), or more outliers.
@@ -43,13 +43,17 @@ def message(solution: Solution, bars: ErrorBars, unread: int) -> str:
     return f"{told}; the model does not hold to the noise ({bars.reason}), so error bars come from the {bars.kind}."
 
 
-def unread_samples(samples: Samples, solution: Solution) -> int:
+def unread_samples(samples: PhotographSamples, solution: Solution) -> int:
     """How many samples were not needed for the precision asked for."""
     return max(len(samples) - int(solution.statistics.total("samples")), 0)
 
 
 def skipped(
-    samples: Samples, solution: Solution, idle: Mapping[int, str], held_out: int, candidates: Sequence[Candidate]
+    samples: PhotographSamples,
+    solution: Solution,
+    idle: Mapping[int, str],
+    held_out: int,
+    candidates: Sequence[Candidate],
 ) -> dict:
     """What was not computed, and why; counts of pixels are over all images.
 
@@ -123,7 +127,7 @@ def _numbers(parameter: ParameterEstimate) -> list[tuple[float | None, float | N
 
 
 def warnings(
-    samples: Samples,
+    samples: PhotographSamples,
     specification: Specification,
     solution: Solution,
     parameters: Mapping[str, ParameterEstimate],
@@ -230,7 +234,7 @@ def _channels(parameter: ParameterEstimate) -> str:
     return f" of channel {', '.join(lost)}" if 0 < len(lost) < len(values) else ""
 
 
-def _odd_image(solution: Solution, samples: Samples) -> tuple[int, float] | None:
+def _odd_image(solution: Solution, samples: PhotographSamples) -> tuple[int, float] | None:
     """The position of the one image without which the others are met far better, and χ² per value then; or None.
 
     Without it every other unknown moves by a Gauss-Newton step.

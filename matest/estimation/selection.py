@@ -15,10 +15,9 @@ from torch import Tensor
 from matest.errors import InputError
 from matest.estimation.result import Candidate
 from matest.estimation.specification import Constraints, specify
-from matest.estimators import Linearisation, Problem, fit_batches
-from matest.photographs.pilot import pilot
-from matest.photographs.samples import Samples
-from matest.samples import Batch
+from matest.estimators import Problem, fit_batches
+from matest.estimators.passes import predicted
+from matest.samples import Batch, Samples
 
 # From few to many parameters; a later one replaces an earlier one only if it predicts better.
 CANDIDATES = (
@@ -79,14 +78,13 @@ def select(
     Raises:
         InputError: no candidate has the constrained parameters.
     """
-    capture = samples.capture
-    parts = _parts(pilot(samples, _SAMPLES, seed))
+    parts = _parts(samples.pilot(_SAMPLES, seed))
     problems: dict[str, Problem] = {}
     for expression in CANDIDATES:
         # A candidate that the constraints do not fit is not tried.
         with contextlib.suppress(InputError):
             found = specify(
-                expression, constraints, channels=capture.channels, relative=capture.relative, scene=capture.scene
+                expression, constraints, channels=samples.channels, relative=samples.relative, scene=samples
             )
             problems[expression] = found.problem
     if not problems:
@@ -100,11 +98,10 @@ def select(
         for fold in range(min(_FOLDS, len(parts))):
             left = range(fold, len(parts), _FOLDS)
             solution = fit_batches(problem, [part for k, part in enumerate(parts) if k not in left])
-            linearisation = Linearisation(solution.problem, solution.unknowns, derivatives=False)
             for k in left:
-                predicted = linearisation.radiance(parts[k])
-                errors[k] = _error(predicted, parts[k])
-                squares.append(_in_noise(predicted, parts[k]))
+                radiance = predicted(solution.problem, solution.unknowns, parts[k])
+                errors[k] = _error(radiance, parts[k])
+                squares.append(_in_noise(radiance, parts[k]))
         met = torch.cat(squares)
         trial = _Trial(expression, errors, float(met.mean()), math.sqrt(2 / max(met.numel(), 1)))
         wins, verdicts[expression] = _verdict(trial, best)
@@ -112,7 +109,7 @@ def select(
         if wins:
             best = trial
     assert best is not None
-    unit = "image" if len(parts) == len(samples.images) else "band"
+    unit = "image" if len(parts) == samples.groups.images else "band"
     candidates = [Candidate(t.expression, t.score, t.score, verdicts[t.expression].format(unit=unit)) for t in trials]
     return best.expression, candidates
 
@@ -143,7 +140,8 @@ def _error(predicted: Tensor, batch: Batch) -> float:
 def _in_noise(predicted: Tensor, batch: Batch) -> Tensor:
     """Squared errors of single values in units of the noise, those of saturated ones left out."""
     squares = ((batch.radiance - predicted).square() / batch.variance(predicted)).clamp(max=_WILD)
-    return (squares if batch.clipped is None else squares[batch.clipped == 0]).flatten()
+    clipped = batch.noise.clipped
+    return (squares if clipped is None else squares[clipped == 0]).flatten()
 
 
 def _parts(batches: list[Batch]) -> list[Batch]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import Protocol
 
 import torch
 from torch import Tensor
@@ -13,9 +14,15 @@ from matest.brdf import Brdf, Sum, model
 from matest.brdf.base import absent
 from matest.errors import InputError, nearest
 from matest.estimators import Problem
-from matest.scene import Scene
 
 Value = float | Sequence[float]
+
+
+class Optics(Protocol):
+    """What knows of the light and the camera: a scene, or samples."""
+
+    def optics(self, name: str) -> Tensor | None:
+        """See `Scene.optics`."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +56,7 @@ class Specification:
 
 
 def specify(
-    expression: str, constraints: Constraints, *, channels: int, relative: bool, scene: Scene | None = None
+    expression: str, constraints: Constraints, *, channels: int, relative: bool, scene: Optics | None = None
 ) -> Specification:
     """The problem that an expression and constraints describe, for images of `channels` channels.
 
@@ -98,20 +105,18 @@ def specify(
     free = tuple(name for name in brdf.declared if name not in held and name not in ties)
     if relative:
         _check_scale(brdf, free, held, ties)
-    problem = Problem(brdf, channels, free, held, ties, relative, arbitrary=tuple(arbitrary))
+    problem = Problem.of(brdf, channels, free, held, ties, relative=relative, arbitrary=tuple(arbitrary))
     return Specification(problem, tuple(default_held), tuple(assumed))
 
 
 def freed(specification: Specification, names: Sequence[str]) -> Specification:
     """The same specification with some held parameters estimated."""
     problem = specification.problem
-    held = {name: value for name, value in problem.held.items() if name not in names}
-    free = tuple(name for name in problem.brdf.declared if name in problem.free or name in names)
     left = tuple(name for name in specification.default_held if name not in names)
-    return replace(specification, problem=replace(problem, free=free, held=held), default_held=left)
+    return replace(specification, problem=problem.freed(names), default_held=left)
 
 
-def optics(brdf: Brdf, scene: Scene, without: Collection[str] = ()) -> dict[str, list[float]]:
+def optics(brdf: Brdf, scene: Optics, without: Collection[str] = ()) -> dict[str, list[float]]:
     """What a model takes from the lights and the camera of a scene, by name (in a sum: by path).
 
     Raises:

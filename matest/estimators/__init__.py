@@ -1,20 +1,9 @@
-"""Solvers: from samples to the parameters of a uniform material."""
+"""Solvers: from samples to the unknowns of a uniform material."""
 
-from matest.estimators.fit import AllTiles, fit, fit_batches
+from matest.estimators.fit import fit, fit_batches
 from matest.estimators.levenberg_marquardt import Solution, at_bound, bounded_step
-from matest.estimators.linearise import Linearisation, accumulate
-from matest.estimators.moments import Statistics
+from matest.estimators.passes import accumulate
+from matest.estimators.statistics import Statistics
 from matest.estimators.unknowns import Problem
 
-__all__ = [
-    "AllTiles",
-    "Linearisation",
-    "Problem",
-    "Solution",
-    "Statistics",
-    "accumulate",
-    "at_bound",
-    "bounded_step",
-    "fit",
-    "fit_batches",
-]
+__all__ = ["Problem", "Solution", "Statistics", "accumulate", "at_bound", "bounded_step", "fit", "fit_batches"]

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from matest.estimators.statistics import Statistics
+
 # Eigenvalues of the scaled information below this belong to directions that the data do not determine: rounding of
 # shading in single precision makes up 1e-7. Below the second they hardly do.
 _SINGULAR, _WEAK = 2e-7, 1e-3
@@ -102,25 +104,23 @@ def error_of(information: Tensor, direction: Tensor) -> float | None:
 
 
 def jackknife(
-    informations: Tensor,
-    gradients: Tensor,
+    clusters: Statistics,
     free: Tensor,
     resolve: Callable[[Tensor, Tensor], Tensor],
 ) -> Covariance:
     """Covariance from leaving out one cluster of correlated samples at a time.
 
     Args:
-        informations: JᵀWJ of each cluster [B, P, P].
-        gradients: JᵀWr of each cluster [B, P] at the solution, where they add up to (almost) zero.
+        clusters: of correlated samples, at the solution, where gradients add up to (almost) zero.
         free: parameters not at a bound [P].
         resolve: change of the parameters for given JᵀWJ and JᵀWr, inside their bounds.
     """
-    total, slope = informations.sum(0), gradients.sum(0)
+    total, slope = clusters.information, clusters.gradient
     reference = fisher(total, free)
     moved = torch.stack(
         [
-            resolve(total - information, slope - gradient)
-            for information, gradient in zip(informations, gradients, strict=True)
+            resolve(total - cluster.information, slope - cluster.gradient)
+            for cluster in (clusters.only(position) for position in range(len(clusters)))
         ]
     )
     moved = moved - moved.mean(0)
@@ -132,7 +132,7 @@ def jackknife(
     return Covariance(matrix, reference.undetermined, degrees=count - 1)
 
 
-def correlation_of_residuals(gradients: Tensor, informations: Tensor, covariance: Covariance) -> tuple[float, float]:
+def correlation_of_residuals(groups: Statistics, covariance: Covariance) -> tuple[float, float]:
     """How much more the scores JᵀWr of clusters scatter than independent residuals would: 1 if the model holds.
 
     The mean over parameters of gᵀ A⁻¹ g summed over clusters, A the information: residuals may be as small as the
@@ -140,17 +140,20 @@ def correlation_of_residuals(gradients: Tensor, informations: Tensor, covariance
     White's information matrix test, 1982).
 
     Args:
-        gradients: JᵀWr of each cluster [B, P].
-        informations: JᵀWJ of each cluster [B, P, P].
-        covariance: A⁻¹ over the free parameters.
+        groups: of samples, at the solution.
+        covariance: A⁻¹ over the free parameters, the noise as large as the residuals.
 
     Returns:
         The ratio, and its standard deviation where residuals are independent.
     """
     rank = max(int((covariance.matrix.diagonal() > 0).sum()), 1)
-    shares = informations @ covariance.matrix
+    matrix, gradients = covariance.matrix.expand(len(groups), -1, -1), groups.gradients / groups.inflation
+    if groups.places is not None:
+        matrix = covariance.matrix[groups.places[:, :, None], groups.places[:, None, :]]
+    shares = groups.informations / groups.inflation @ matrix
     by_chance = math.sqrt(2 * float((shares * shares.mT).sum()))
-    return float(((gradients @ covariance.matrix) * gradients).sum()) / rank, by_chance / rank
+    scatter = float((gradients[:, None] @ matrix @ gradients[..., None]).sum())
+    return scatter / rank, by_chance / rank
 
 
 def quantile95(degrees: float) -> float:

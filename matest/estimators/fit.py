@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import torch
 from torch import Tensor
 
+from matest.estimators.basis import separates
 from matest.estimators.covariance import fisher
 from matest.estimators.levenberg_marquardt import Solution, at_bound, minimise
 from matest.estimators.one_step import CLOSE, settled, single_step
-from matest.estimators.separable import passes_over, separates
+from matest.estimators.passes import passes_over
 from matest.estimators.starts import (
     ALIKE,
     apart,
@@ -26,10 +26,8 @@ from matest.estimators.starts import (
     thinned,
 )
 from matest.estimators.unknowns import Problem
-from matest.photographs.patches import Patches
-from matest.photographs.pilot import pilot
-from matest.photographs.samples import Samples, join
-from matest.samples import Batch
+from matest.samples import Batch, Samples, Tile
+from matest.samples.batch import join
 from matest.samples.tiles import in_memory
 from matest.workers import single_threaded_torch
 
@@ -50,8 +48,8 @@ _FIRST, _SPARE, _LEAP, _SUBSAMPLE = 6_000, 1.2, 100.0, 0.04
 # χ² per value of a subsample that the model describes, its noise perhaps estimated from the photographs.
 _DESCRIBED = 1.1
 _GAUGE_ROUNDS = 6
-# Images worked on at once; captures with fewer samples are worked on in two tiles, subsamples with fewer in one.
-_GROUP, _SMALL, _ONE_TILE = 4, 1 << 18, 10_000
+# Subsamples with fewer samples times lights are worked on in one tile.
+_ONE_TILE = 10_000
 _PASSES = 60
 
 Progress = Callable[[str], None]
@@ -69,13 +67,13 @@ def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = N
     # Few large tiles: every call costs as much as a thousand samples.
     size = sum(len(batch) * batch.points.wi.shape[-2] for batch in batches)
     half = len(batches) if size < _ONE_TILE else (len(batches) + 1) // 2
-    tiles = [replace(join(group), kept={}) for group in (batches[:half], batches[half:]) if group]
+    tiles = [Tile(join(group), cache={}) for group in (batches[:half], batches[half:]) if group]
 
     def descend(problem: Problem, start: Tensor, reference: Tensor, tolerance: float) -> Solution:
-        misfit, expanded = settled(problem, tiles, reference)
-        evaluate = passes_over(problem, in_memory(expanded), start, None, misfit)
+        residual_scale, expanded = settled(problem, tiles, reference)
+        evaluate = passes_over(problem, in_memory(expanded), start, None, residual_scale)
         found = minimise(problem, start, evaluate, passes=_PASSES, tolerance=tolerance)
-        return replace(found, misfit=misfit)
+        return replace(found, residual_scale=residual_scale)
 
     def settle(guesses: Sequence[Solution]) -> list[Solution]:
         """The distinct optima that guesses lead to."""
@@ -103,14 +101,14 @@ def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = N
         before = best
         again = first_guesses(best.problem, [doubtful(best, thinned(batches))], None)
         best = most_plausible([before, *settle([guess for guess in again if apart(before, guess) > _ELSEWHERE])])
-        if implausibility(best) > implausibility(before) - ALIKE * before.misfit**2:
+        if implausibility(best) > implausibility(before) - ALIKE * before.residual_scale**2:
             break
     for _ in range(_GAUGE_ROUNDS if problem.gauges else 0):
         # The limit was taken from a fit without the second bounce, which makes albedos too bright and it too low.
         limit = best.problem.limit_of_gauges(best.unknowns)
-        if abs(limit / best.problem.gauge_limit - 1) < 1e-6:
+        if abs(limit / best.problem.light_scale_limit - 1) < 1e-6:
             break
-        wider = replace(best.problem, gauge_limit=limit)
+        wider = best.problem.limited(limit)
         best = descend(wider, torch.minimum(best.unknowns, wider.upper), best.unknowns, _CLOSE)
     ordered = best.problem.ordered(best.unknowns)
     if not torch.equal(ordered, best.unknowns):
@@ -143,26 +141,26 @@ def fit(
     """
     progress("searching")
     drawn = _FIRST if precision > 0 else _PILOT
-    found = fit_batches(problem, pilot(samples, drawn, seed), start)
+    found = fit_batches(problem, samples.pilot(drawn, seed), start)
     while (enough := _described(found)) and (error := largest_relative_std(found)) > precision > 0:
         # Errors fall with the root of the number of samples.
         wanted = math.ceil(min(_SPARE * (error / precision) ** 2, _LEAP) * drawn)
         if wanted > _SUBSAMPLE * len(samples):
             break
         drawn = wanted
-        found = fit_batches(found.problem, pilot(samples, drawn, seed), found.unknowns)
+        found = fit_batches(found.problem, samples.pilot(drawn, seed), found.unknowns)
     if not enough or error > precision:
         if drawn < _PILOT:
             # As without a precision: where the model does not hold, what is an outlier hangs on the pilot.
-            found = fit_batches(problem, pilot(samples, _PILOT, seed), start)
+            found = fit_batches(problem, samples.pilot(_PILOT, seed), start)
         progress("refining over all samples")
-        reference, misfit = found.unknowns, found.misfit
-        tiles = AllTiles(samples, merge=True, misfit=misfit)
-        evaluate = passes_over(found.problem, tiles, reference, reference, misfit)
+        reference, residual_scale = found.unknowns, found.residual_scale
+        tiles = samples.tiles(residual_scale)
+        evaluate = passes_over(found.problem, tiles, reference, reference, residual_scale)
         first = evaluate(reference)
         one_step = None if separates(found.problem) else single_step(found, first)
         found = one_step or minimise(found.problem, reference, evaluate, passes=_PASSES, tolerance=CLOSE, first=first)
-        found = replace(found, misfit=misfit, tiles=tiles)
+        found = replace(found, residual_scale=residual_scale, tiles=tiles)
     return replace(found, unknowns=found.problem.wrapped(found.unknowns))
 
 
@@ -176,45 +174,8 @@ def largest_relative_std(found: Solution) -> float:
     """The largest relative standard error of the unknowns that are determined and not at a bound."""
     problem, statistics = found.problem, found.statistics
     free = ~at_bound(problem, found.unknowns, statistics.gradient)
-    covariance = fisher(statistics.information / statistics.misfit, free)
+    covariance = fisher(statistics.information / statistics.inflation, free)
     counted = free & ~covariance.undetermined
     for name in problem.gauges:
         counted[problem.where[name]] = False
     return float((covariance.std / found.unknowns.abs())[counted].max()) if bool(counted.any()) else math.inf
-
-
-@dataclass(frozen=True)
-class AllTiles:
-    """Every sample, a few images at a time and tile by tile, computed when a worker asks for it.
-
-    Attributes:
-        samples: all of them.
-        merge: let a few samples stand for every smooth patch of pixels (`Patches`).
-        misfit: see `Batch.working`.
-    """
-
-    samples: Samples
-    merge: bool = False
-    misfit: float = 1.0
-
-    @cached_property
-    def patches(self) -> Patches:
-        return Patches(self.samples, self.misfit, merge=self.merge)
-
-    def __iter__(self) -> Iterator[list[Callable[[], Batch]]]:
-        images, patches = range(len(self.samples.images)), self.patches
-        tiles = [[partial(patches.batch, k, part) for part in range(patches.parts(k))] for k in images]
-        if not patches.layout.patches.size and len(self.samples) < _SMALL:
-            # Every tile costs as much as a thousand samples: few large ones.
-            half = (len(images) + 1) // 2
-            yield [partial(_joined, own) for own in (tiles[:half], tiles[half:]) if own]
-            return
-        for first in range(0, len(images), _GROUP):
-            yield [tile for own in tiles[first : first + _GROUP] for tile in own]
-            for k in images[first : first + _GROUP]:
-                self.samples.capture.release(self.samples.images[k])
-
-
-def _joined(tiles: Sequence[Sequence[Callable[[], Batch]]]) -> Batch:
-    parts = [tile() for own in tiles for tile in own]
-    return join([part for part in parts if len(part)] or parts[:1])

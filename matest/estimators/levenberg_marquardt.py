@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
-from matest.estimators.moments import Statistics
+from matest.estimators.passes import Evaluate
+from matest.estimators.statistics import Statistics
 from matest.estimators.unknowns import Problem
-from matest.samples.tiles import Tiles
+from matest.samples import Tiles
 
 # A promised drop in χ² below this share of it drowns in single-precision rounding; where it does, the estimate counts
 # as converged if the step it comes from is no longer than so many standard errors.
@@ -21,8 +21,6 @@ _ROUNDING_STEP = 1e-6
 _SHORT = 0.1
 # After a step that led nowhere the next may be short because it is damped: it has to be shorter than so many to end.
 _DAMPED = 0.01
-
-Evaluate = Callable[[Tensor], Statistics]
 
 
 @dataclass(frozen=True)
@@ -36,7 +34,7 @@ class Solution:
         iterations: passes over the samples.
         last_step: length of the last step, in standard errors.
         converged: whether that is small.
-        misfit: typical residual in standard deviations of the noise, by which outliers were judged.
+        residual_scale: typical residual in standard deviations of the noise, by which outliers were judged.
         tiles: of the samples that it rests on.
     """
 
@@ -46,7 +44,7 @@ class Solution:
     iterations: int
     last_step: float
     converged: bool
-    misfit: float = 1.0
+    residual_scale: float = 1.0
     tiles: Tiles = ()
 
 
@@ -80,7 +78,7 @@ def _step(problem: Problem, unknowns: Tensor, statistics: Statistics, damping: f
     information, gradient = statistics.information, statistics.gradient
     change = bounded_step(problem, unknowns, information, gradient, damping)
     curvature = float((change @ information @ change).clamp(min=0))
-    return _Step(change, float(2 * gradient @ change), curvature, math.sqrt(curvature / statistics.misfit))
+    return _Step(change, float(2 * gradient @ change), curvature, math.sqrt(curvature / statistics.inflation))
 
 
 def bounded_step(
@@ -158,11 +156,11 @@ def minimise(
             if not seen(problem, unknowns, step.change, step.length):
                 change = torch.zeros_like(unknowns)
             return Solution(problem, unknowns + change, statistics, iteration, step.length, True)
-        chi2 = statistics.total("cost")
+        chi2 = statistics.cost
         promise = share * step.slope - share**2 * step.curvature
         target = unknowns + share * step.change
         tried = evaluate(target)
-        drop = chi2 - tried.total("cost")
+        drop = chi2 - tried.cost
         if drop > 0:
             # Residuals of a model that does not hold bend χ² more than Gauss-Newton sees; the next step allows for it.
             bend = (share * step.slope - drop) / (share**2 * step.curvature)

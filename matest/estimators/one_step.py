@@ -9,12 +9,11 @@ import torch
 from torch import Tensor
 
 from matest.estimators.levenberg_marquardt import Solution, bounded_step, seen
-from matest.estimators.linearise import accumulate
-from matest.estimators.moments import Statistics
-from matest.estimators.separable import radiances
+from matest.estimators.passes import accumulate, radiances
+from matest.estimators.statistics import Statistics
 from matest.estimators.unknowns import Problem
-from matest.samples import Batch
-from matest.samples.batch import TRUSTED
+from matest.samples import Tile
+from matest.samples.likelihood import TRUSTED
 from matest.samples.tiles import in_memory
 from matest.workers import single_threaded_torch
 
@@ -27,27 +26,27 @@ _MOST_OUTLIERS = 0.1
 _MEDIAN_DEVIATION = 0.6745
 
 
-def settled(problem: Problem, batches: list[Batch], unknowns: Tensor) -> tuple[float, list[Batch]]:
-    """The misfit at u [P], and the batches with the likelihood expanded there.
+def settled(problem: Problem, tiles: list[Tile], unknowns: Tensor) -> tuple[float, list[Tile]]:
+    """The residual scale at u [P], and the tiles with the likelihood expanded there.
 
-    The misfit is the median residual in standard deviations of the noise, as a multiple of a Gaussian's; at least 1,
-    and large enough for no more than a tenth of the values to be outliers: a model that misses more does not fit.
+    The scale is the median residual in standard deviations of the noise, as a multiple of a Gaussian's; at least 1, and
+    large enough for no more than a tenth of the values to be outliers: a model that misses more does not fit.
     """
     model = radiances(problem, unknowns)
     with torch.no_grad():
-        references = [model(batch) for batch in batches]
-        problems = [batch.working(radiance) for batch, radiance in zip(batches, references, strict=True)]
+        references = [model(tile) for tile in tiles]
+        problems = [tile.about(radiance) for tile, radiance in zip(tiles, references, strict=True)]
         deviations = [
-            ((batch.radiance - radiance).abs() / batch.variance(radiance).sqrt())[working.plain]
-            for batch, radiance, working in zip(batches, references, problems, strict=True)
+            ((tile.batch.radiance - radiance).abs() / tile.batch.variance(radiance).sqrt())[problem.plain]
+            for tile, radiance, problem in zip(tiles, references, problems, strict=True)
         ]
-        found, misfit = torch.cat(deviations).double(), 1.0
-        if len(found):
-            most = float(found.kthvalue(max(int((1 - _MOST_OUTLIERS) * len(found)), 1)).values)
-            misfit = max(float(found.median()) / _MEDIAN_DEVIATION, most / TRUSTED, 1.0)
-        if misfit > 1:
-            problems = [batch.working(radiance, misfit) for batch, radiance in zip(batches, references, strict=True)]
-    return misfit, [replace(batch, settled=working) for batch, working in zip(batches, problems, strict=True)]
+        every, residual_scale = torch.cat(deviations).double(), 1.0
+        if len(every):
+            most = float(every.kthvalue(max(int((1 - _MOST_OUTLIERS) * len(every)), 1)).values)
+            residual_scale = max(float(every.median()) / _MEDIAN_DEVIATION, most / TRUSTED, 1.0)
+        if residual_scale > 1:
+            problems = [tile.about(radiance, residual_scale) for tile, radiance in zip(tiles, references, strict=True)]
+    return residual_scale, [replace(tile, least_squares=one) for tile, one in zip(tiles, problems, strict=True)]
 
 
 @single_threaded_torch()
@@ -65,18 +64,18 @@ def single_step(start: Solution, statistics: Statistics) -> Solution | None:
     problem, unknowns = start.problem, start.unknowns
     change = bounded_step(problem, unknowns, statistics.information, statistics.gradient)
     arrived = statistics.moved(change)
-    length = math.sqrt(max(float(change @ statistics.information @ change), 0.0) / arrived.misfit)
+    length = math.sqrt(max(float(change @ statistics.information @ change), 0.0) / arrived.inflation)
     if arrived.reduced_chi2 > _HOLDS or not seen(problem, unknowns, change, length):
         return None
     target = radiances(problem, unknowns + change)
-    _, batches = settled(problem, [tile() for group in start.tiles for tile in group], unknowns)
+    _, tiles = settled(problem, [tile() for group in start.tiles for tile in group], unknowns)
     with torch.no_grad():
         imagined = [
-            replace(batch, settled=batch.settled._replace(response=target(batch)))
-            for batch in batches
-            if batch.settled is not None
+            replace(tile, least_squares=tile.least_squares._replace(response=target(tile)))
+            for tile in tiles
+            if tile.least_squares is not None
         ]
     again = accumulate(problem, unknowns, in_memory(imagined), None)
     missed = bounded_step(problem, unknowns, again.information, again.gradient) - change
-    length = math.sqrt(max(float(missed @ statistics.information @ missed), 0.0) / arrived.misfit)
+    length = math.sqrt(max(float(missed @ statistics.information @ missed), 0.0) / arrived.inflation)
     return Solution(problem, unknowns + change, arrived, 1, length, True) if length < CLOSE else None

@@ -4,23 +4,21 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from matest.directions import Directions
-from matest.estimators.images import Images, illuminate
+from matest.estimators.basis import NodesBasis, TangentBasis, mixture, separates
+from matest.estimators.compressed import Compressed
 from matest.estimators.linear import amplitudes
-from matest.estimators.linearise import Linearisation
-from matest.estimators.moments import Compressed, joined, moments
-from matest.estimators.separable import compress, mixture, separates
+from matest.estimators.moments import joined, moments
+from matest.estimators.passes import compress
 from matest.estimators.unknowns import Problem
-from matest.samples import Batch
-from matest.samples.batch import Working
+from matest.samples import Batch, Tile
+from matest.samples.likelihood import LeastSquares, Means
 from matest.samples.tiles import in_memory
-from matest.shading import lit_directions
 
 # Nodes per shape parameter, at most so many in all.
 _NODES, _ALL_NODES = 15, 400
@@ -71,7 +69,7 @@ class Search:
 def search(problem: Problem, batches: list[Batch], compressed: Compressed | None = None) -> Search:
     """Evaluate the grid; every node's amplitudes are the bounded least-squares solution there.
 
-    Weights are those of a first guess (`Batch.measured`).
+    Weights are those of a first guess (`likelihood.first_guess`).
 
     Args:
         problem: what is estimated.
@@ -91,7 +89,7 @@ def search(problem: Problem, batches: list[Batch], compressed: Compressed | None
         none = {name: torch.zeros(len(gram), 1, dtype=torch.float64) for name in problem.gauges}
         solved, cost = amplitudes(problem, factors, gram, moment, none)
         brightest = float(solved[cost.argmin()].max().clamp(min=1e-9))
-        problem = replace(problem, gauge_limit=1 / brightest)
+        problem = problem.limited(1 / brightest)
         trials = [{name: none[name] + share / brightest for name in none} for share in _BRIGHTEST]
     results = [(*amplitudes(problem, factors, gram, moment, trial), trial) for trial in trials]
     best = torch.stack([cost for _, cost, _ in results]).argmin(0)
@@ -115,59 +113,38 @@ def normal_equations(
 
     The likelihood is expanded about the model's radiance for `reference` u [P]; None: for a first guess.
     """
-    return (_separated if separates(problem) else _evaluated)(problem, batches, points, reference)
+    if separates(problem):
+        return _mixed(problem, compress(problem, in_memory(batches), None, reference), points)
+    return _evaluated(problem, batches, points, reference)
 
 
 @torch.no_grad()
 def _evaluated(problem: Problem, batches: list[Batch], points: list[Tensor], reference: Tensor | None) -> Normal:
+    tiles = [Tile(batch) for batch in batches]
     if reference is None:
-        views = [batch.measured() for batch in batches]
+        views = [tile.first_guess() for tile in tiles]
     else:
-        about = Linearisation(problem, reference, derivatives=False)
-        views = [batch.working(about.radiance(batch)) for batch in batches]
+        about = TangentBasis(problem, reference, derivatives=False)
+        views = [tile.about(about.radiance(tile.batch)) for tile in tiles]
     parts = []
-    for batch, view in zip(batches, views, strict=True):
-        samples, lights = len(batch), batch.points.wi.shape[-2]
-        # The integral over the sky is of one node.
-        ahead = 1 if batch.points.ambient is not None else max(_AT_ONCE // max(samples * lights, 1), 1)
-        directions = lit_directions(batch.points)
+    for tile, view in zip(tiles, views, strict=True):
+        samples, lights = len(tile), tile.batch.points.wi.shape[-2]
+        ahead = max(_AT_ONCE // max(samples * lights, 1), 1)
         for first in range(0, len(points), ahead):
             nodes = points[first : first + ahead]
-            images = _images(problem, batch, directions, nodes)
+            columns = NodesBasis(problem, nodes).columns(tile, cut=False)
             repeated = _repeated(view, len(nodes))
-            runs = tuple((first + number, samples) for number in range(len(nodes)))
-            parts.append(moments(images, repeated, repeated.response, replace(batch, runs=runs)))
-    found = joined(parts)
-    return Linearisation(problem, points[0], derivatives=False).factors, found.gram, found.moment
+            labels = torch.arange(first, first + len(nodes)).repeat_interleave(samples)
+            parts.append(moments(columns, repeated, repeated.response, labels))
+    total = joined(parts)
+    return TangentBasis(problem, points[0], derivatives=False).factors, total.gram, total.moment
 
 
-def _images(problem: Problem, batch: Batch, directions: Directions, points: list[Tensor]) -> Images:
-    """Images of a batch at several points u [P], one after another; several only without a sky."""
-    if batch.points.ambient is not None:
-        return Linearisation(problem, points[0], derivatives=False).images(batch, cut=False)
-    like = batch.radiance
-    every = [problem.values(unknowns) for unknowns in points]
-    values = {name: value.to(like.device, like.dtype) for name, value in every[0].items()}
-    for name in problem.shaping:
-        if problem.ties.get(name, name) in problem.shapes:
-            # One value, or one a channel.
-            values[name] = torch.stack([own[name].reshape(1, 1, -1) for own in every]).to(like.device, like.dtype)
-    shapes = [term.shape for term in problem.brdf.replace(values).terms(directions)]
-    lead = (len(points), len(batch), batch.points.wi.shape[-2])
-    shapes = [shape.expand(*lead, shape.shape[-1]) for shape in shapes]
-    return illuminate(batch.points, shapes, [], None, like.shape[-1])
-
-
-def _repeated(view: Working, times: int) -> Working:
+def _repeated(view: LeastSquares, times: int) -> LeastSquares:
     """The same samples so many times."""
     response, weight, plain = (part.repeat(times, 1) for part in view[:3])
-    copies, scatter = (None if part is None else part.repeat(times, 1) for part in view[3:])
-    return Working(response, weight, plain, copies, scatter)
-
-
-def _separated(problem: Problem, batches: list[Batch], points: list[Tensor], reference: Tensor | None) -> Normal:
-    """From one evaluation of the images."""
-    return _mixed(problem, compress(problem, in_memory(batches), None, reference), points)
+    means = None if view.means is None else Means(*(part.repeat(times, 1) for part in view.means))
+    return LeastSquares(response, weight, plain, means)
 
 
 def _mixed(problem: Problem, compressed: Compressed, points: list[Tensor]) -> Normal:
@@ -177,7 +154,7 @@ def _mixed(problem: Problem, compressed: Compressed, points: list[Tensor]) -> No
     mixtures = []
     for unknowns in points:
         factors, weights = mixture(problem, unknowns)
-        # Images to terms, [C, K, T].
+        # Columns to terms, [C, K, T].
         mixtures.append(torch.stack([torch.block_diag(*rows).T for rows in zip(*weights, strict=True)]))
     mixed = torch.stack(mixtures)
     return factors, mixed.mT @ gram @ mixed, (mixed.mT @ moment[..., None])[..., 0]
@@ -196,7 +173,7 @@ def _grid(problem: Problem, name: str, count: int) -> list[float]:
 
 
 def _with_shapes(problem: Problem, shapes: tuple[float, ...]) -> Tensor:
-    unknowns = torch.full((problem.size,), 0.5, dtype=torch.float64)
+    unknowns = problem.anywhere.clone()
     for name, value in zip(problem.shapes, shapes, strict=True):
         unknowns[problem.where[name]] = value
     return unknowns

@@ -10,14 +10,14 @@ import torch
 from torch import Tensor
 
 from matest.errors import InputError
+from matest.estimators.basis import TangentBasis, separates
 from matest.estimators.levenberg_marquardt import Solution, minimise
-from matest.estimators.linearise import Linearisation, accumulate
+from matest.estimators.passes import accumulate, compress, statistics
 from matest.estimators.search import search
-from matest.estimators.separable import compress, separates, statistics
 from matest.estimators.unknowns import Problem
-from matest.photographs.samples import join
-from matest.samples import Batch
-from matest.samples.batch import REJECTED, Readout
+from matest.samples import Batch, Tile
+from matest.samples.batch import join
+from matest.samples.likelihood import REJECTED, Readout
 from matest.samples.tiles import in_memory
 
 _SEARCH = 4_000
@@ -33,7 +33,7 @@ _PASSES = 60
 
 
 def first_guesses(problem: Problem, batches: list[Batch], start: Tensor | None) -> list[Solution]:
-    """Distinct optima of least squares with the weights of `Batch.measured` on a few thousand of the samples.
+    """Distinct optima of least squares with the weights of `likelihood.first_guess` on a few thousand of the samples.
 
     Args:
         problem: what is estimated.
@@ -45,12 +45,13 @@ def first_guesses(problem: Problem, batches: list[Batch], start: Tensor | None) 
     """
     guesses: list[Solution] = []
     for view in views(thinned(batches)):
-        settled = replace(view, settled=view.measured())
+        tile = Tile(view)
+        settled = replace(tile, least_squares=tile.first_guess())
         # Moments of images that no unknown touches serve the search and every descent from it.
         compressed = compress(problem, in_memory([settled]), None, None) if separates(problem) else None
         starts = [] if start is None else [start]
         if start is None:
-            found = search(problem, [settled], compressed)
+            found = search(problem, [view], compressed)
             problem, starts = found.problem, found.starts()
         for first in starts:
             evaluate = partial(accumulate, problem, tiles=in_memory([settled]), reference=None)
@@ -73,7 +74,7 @@ def first_guesses(problem: Problem, batches: list[Batch], start: Tensor | None) 
 def thinned(batches: list[Batch]) -> Batch:
     """Every so many-th sample, a few thousand in all."""
     step = max(sum(len(batch) for batch in batches) // _SEARCH, 1)
-    return replace(join([batch[::step] for batch in batches]), runs=())
+    return join([batch[::step] for batch in batches]).ungrouped
 
 
 def doubtful(found: Solution, batch: Batch) -> Batch:
@@ -82,11 +83,12 @@ def doubtful(found: Solution, batch: Batch) -> Batch:
     Unlike weights that reject what lies far, these still let a highlight that the solution has missed be found.
     """
     with torch.no_grad():
-        radiance = Linearisation(found.problem, found.unknowns, derivatives=False).radiance(batch)
+        radiance = TangentBasis(found.problem, found.unknowns, derivatives=False).radiance(batch)
         variance = batch.variance(radiance)
-        deviation = (batch.radiance - radiance).abs() / variance.sqrt() / found.misfit
+        deviation = (batch.radiance - radiance).abs() / variance.sqrt() / found.residual_scale
         variance = variance * (deviation / _HUBER).clamp(min=1)
-    return replace(batch, readout=Readout(variance, torch.zeros_like(variance[:1])))
+    readout = Readout(variance, torch.zeros_like(variance[:1]))
+    return replace(batch, noise=replace(batch.noise, readout=readout))
 
 
 def views(batch: Batch) -> list[Batch]:
@@ -94,16 +96,17 @@ def views(batch: Batch) -> list[Batch]:
 
     Without its saturated middle a highlight may not be seen at all; with it, it is taken for flat.
     """
-    if batch.clipped is None or not bool((batch.clipped > 0).any()):
+    clipped = batch.noise.clipped
+    if clipped is None or not bool((clipped > 0).any()):
         return [batch]
-    inside = (batch.clipped == 0).all(-1).nonzero()[:, 0]
+    inside = (clipped == 0).all(-1).nonzero()[:, 0]
     return [batch, batch[inside]] if len(inside) else [batch]
 
 
 def distance(found: Solution, other: Solution) -> float:
     """Between two solutions of a problem, in standard errors."""
     change = other.unknowns - found.unknowns
-    return float((change @ found.statistics.information @ change / found.statistics.misfit).clamp(min=0)) ** 0.5
+    return float((change @ found.statistics.information @ change / found.statistics.inflation).clamp(min=0)) ** 0.5
 
 
 def apart(one: Solution, other: Solution) -> float:
@@ -113,13 +116,13 @@ def apart(one: Solution, other: Solution) -> float:
 
 def implausibility(found: Solution) -> float:
     """The cost that solutions with different outliers are compared by: an outlier counts as one just rejected."""
-    return found.statistics.total("cost") + (REJECTED * found.misfit) ** 2 * found.statistics.total("outliers")
+    return found.statistics.cost + (REJECTED * found.residual_scale) ** 2 * found.statistics.total("outliers")
 
 
 def most_plausible(found: list[Solution]) -> Solution:
     """The best of several solutions; of those that the data cannot tell apart the one with the fewest at a bound."""
     least = min(found, key=implausibility)
-    rivals = [one for one in found if implausibility(one) - implausibility(least) < ALIKE * least.misfit**2]
+    rivals = [one for one in found if implausibility(one) - implausibility(least) < ALIKE * least.residual_scale**2]
     return min(rivals, key=at_ends)
 
 

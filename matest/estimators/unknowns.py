@@ -1,46 +1,129 @@
-"""What is estimated: a model, which of its parameters are free, and how a vector of unknowns fills them in."""
+"""What is estimated: a model, which blocks of unknowns are free, and how one vector of unknowns fills them in."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Literal
 
 import torch
 from torch import Tensor
 
 from matest.brdf import Brdf
 from matest.directions import Directions
-from matest.parameters import Domain, Parameter
+from matest.estimators.statistics import PriorTerms
+from matest.parameters import Domain, Parameter, non_negative
+from matest.samples import Groups
+
+# How many unknowns a block has: one, one per channel, or one per image.
+Axis = Literal["one", "channel", "image"]
+# How a block enters the model: a parameter of it; the reciprocal of the unknown common scale of the lights, which the
+# gauge parameters of the model take; a factor on the radiance of each image.
+Kind = Literal["parameter", "light_scale", "exposure"]
+
+
+@dataclass(frozen=True)
+class Block:
+    """Unknowns that belong together.
+
+    Attributes:
+        name: of the parameter (in a sum: its path), or of what is calibrated.
+        domain: of each unknown.
+        axis: what there is one unknown for.
+        kind: how it enters the model.
+        start: where it starts, and the mean of its prior.
+        prior: standard deviation of a Gaussian prior about `start`; None: flat.
+    """
+
+    name: str
+    domain: Domain
+    axis: Axis = "one"
+    kind: Kind = "parameter"
+    start: float = 0.5
+    prior: float | None = None
+
+
+def exposures(prior: float | None) -> Block:
+    """The exposure of every image as a multiple of the stated one; held at 1 where it is no block of a problem.
+
+    Args:
+        prior: standard deviation.
+    """
+    return Block("exposure", non_negative, "image", "exposure", start=1.0, prior=prior)
 
 
 @dataclass(frozen=True)
 class Problem:
-    """A model of C channels with unknowns laid out in one vector u [P].
+    """A model of C channels with blocks of unknowns laid out in one vector u [P].
+
+    Blocks on the axis of images come last: a sample touches all others, but of these only its own image's.
 
     Attributes:
         brdf: the model; its own values serve for nothing but their names.
         channels: C.
-        free: names of the estimated parameters, in order.
+        blocks: what is estimated, in the order of u.
         held: values of the parameters that are not estimated.
         ties: dependent name -> the name whose value it takes.
         relative: the light scale is unknown: albedo-like parameters have no upper bound.
-        gauge_limit: largest value of gauge parameters, the reciprocal of the brightest albedo: a facet reflects at
-            most all light.
         arbitrary: held parameters that only set a scale: nothing depends on them but ratios to them.
         pinned: values that single unknowns are held at, by their position in u.
+        groups: of the samples; those on the axis of images need them.
     """
 
     brdf: Brdf
     channels: int
-    free: tuple[str, ...]
+    blocks: tuple[Block, ...]
     held: Mapping[str, Tensor]
     ties: Mapping[str, str]
     relative: bool = False
-    gauge_limit: float = math.inf
     arbitrary: tuple[str, ...] = ()
     pinned: Mapping[int, float] = field(default_factory=dict)
+    groups: Groups = field(default_factory=Groups.single)
+
+    @classmethod
+    def of(
+        cls,
+        brdf: Brdf,
+        channels: int,
+        free: Sequence[str],
+        held: Mapping[str, Tensor],
+        ties: Mapping[str, str],
+        *,
+        relative: bool = False,
+        arbitrary: tuple[str, ...] = (),
+    ) -> Problem:
+        """The problem in which the parameters `free` of a model are estimated.
+
+        Several gauge parameters stand for one light scale: the first is the block, the others are tied to it.
+        """
+        gauges = [name for name in free if brdf.declared[name].gauge]
+        ties = {**ties, **dict.fromkeys(gauges[1:], gauges[0])} if gauges else ties
+        blocks = tuple(_parameter(brdf, name, relative) for name in free if name not in gauges[1:])
+        return cls(brdf, channels, blocks, held, ties, relative, arbitrary)
+
+    @cached_property
+    def free(self) -> tuple[str, ...]:
+        """Names of the estimated parameters of the model, in order."""
+        return tuple(block.name for block in self.blocks if block.axis != "image")
+
+    @cached_property
+    def exposures(self) -> tuple[str, ...]:
+        """Names of the blocks on the axis of images."""
+        return tuple(block.name for block in self.blocks if block.axis == "image")
+
+    def freed(self, names: Sequence[str]) -> Problem:
+        """The same problem with some of the held parameters estimated."""
+        free = [name for name in self.brdf.declared if name in self.free or name in names]
+        held = {name: value for name, value in self.held.items() if name not in names}
+        wider = Problem.of(
+            self.brdf, self.channels, free, held, self.ties, relative=self.relative, arbitrary=self.arbitrary
+        )
+        by_name = {block.name: block for block in self.blocks}
+        calibrated = tuple(block for block in self.blocks if block.axis == "image")
+        blocks = tuple(by_name.get(block.name, block) for block in wider.blocks)
+        return replace(wider, blocks=(*blocks, *calibrated), groups=self.groups)
 
     @cached_property
     def amplitudes(self) -> tuple[str, ...]:
@@ -63,12 +146,8 @@ class Problem:
         return {self.ties.get(name, name) for name in self.brdf.factors}
 
     @cached_property
-    def _scales(self) -> set[str]:
-        return self.brdf.scales
-
-    @cached_property
     def images(self) -> list[int]:
-        """Number of images of the geometry that each term is a mixture of."""
+        """Number of columns that each term is a mixture of."""
         normal = torch.tensor([[0.0, 0.0, 1.0]])
         anywhere = self.brdf.replace({name: torch.tensor(0.5) for name in self.brdf.declared})
         terms = anywhere.terms(Directions(normal, normal))
@@ -78,89 +157,137 @@ class Problem:
         return self.brdf.declared[name]
 
     def domain(self, name: str) -> Domain:
-        declared = self.declared(name)
-        if declared.periodic:
-            return Domain(-math.inf, math.inf)
-        if declared.gauge:
-            return Domain(declared.domain.lower, self.gauge_limit)
-        carries_scale = self.relative and name in self._scales
-        return declared.domain.lifted() if carries_scale else declared.domain
+        """Of a free or a held parameter."""
+        for block in self.blocks:
+            if block.name == name:
+                return block.domain
+        return _parameter(self.brdf, name, self.relative).domain
+
+    @property
+    def gauges(self) -> list[str]:
+        """Free parameters that stand for the unknown light scale: at most one."""
+        return [block.name for block in self.blocks if block.kind == "light_scale"]
+
+    def limited(self, limit: float) -> Problem:
+        """The same problem with light scales no lower than the reciprocal of this: facets reflect at most all light."""
+        blocks = tuple(
+            replace(block, domain=Domain(block.domain.lower, limit)) if block.kind == "light_scale" else block
+            for block in self.blocks
+        )
+        return replace(self, blocks=blocks)
+
+    @property
+    def light_scale_limit(self) -> float:
+        """Largest value of the gauge: see `limited`."""
+        return min((self.domain(name).upper for name in self.gauges), default=math.inf)
 
     def limit_of_gauges(self, unknowns: Tensor) -> float:
         """The largest gauge with which no facet reflects more than all light: 1 / (brightest albedo beside it)."""
         values = self.values(unknowns)
-        beside = {factor for product in self.brdf.products if {*product} & {*self.gauges} for factor in product}
-        brightest = max((float(values[name].max()) for name in beside - {*self.gauges}), default=0.0)
+        gauges = {name for name in self.brdf.declared if self.ties.get(name, name) in self.gauges}
+        beside = {factor for product in self.brdf.products if {*product} & gauges for factor in product}
+        brightest = max((float(values[name].max()) for name in beside - gauges), default=0.0)
         return 1 / max(brightest, 1e-9)
-
-    @property
-    def gauges(self) -> list[str]:
-        """Free parameters that stand for the unknown light scale."""
-        return [name for name in self.free if self.declared(name).gauge]
 
     def count(self, name: str) -> int:
         """Number of unknowns of a parameter: one, or one per channel."""
         return self.channels if self.declared(name).per_channel else 1
 
+    def _length(self, block: Block) -> int:
+        return {"one": 1, "channel": self.channels, "image": self.groups.images}[block.axis]
+
     @cached_property
     def where(self) -> dict[str, slice]:
-        """The place of every free parameter in u."""
+        """The place of every block in u."""
         places, start = {}, 0
-        for name in self.free:
-            places[name] = slice(start, start + self.count(name))
-            start += self.count(name)
+        for block in self.blocks:
+            places[block.name] = slice(start, start + self._length(block))
+            start += self._length(block)
         return places
 
-    @property
+    @cached_property
     def size(self) -> int:
-        return sum(self.count(name) for name in self.free)
+        return sum(self._length(block) for block in self.blocks)
 
     @cached_property
     def labels(self) -> list[str]:
         """A name for every unknown: `sigma`, `albedo[0]`."""
         return [
-            name if self.count(name) == 1 else f"{name}[{channel}]"
-            for name in self.free
-            for channel in range(self.count(name))
+            block.name if self._length(block) == 1 else f"{block.name}[{index}]"
+            for block in self.blocks
+            for index in range(self._length(block))
         ]
 
     @cached_property
     def lower(self) -> Tensor:
-        return self._ends([self.domain(name).lower for name in self.free])
+        return self._every([block.domain.lower for block in self.blocks], pinned=True)
 
     @cached_property
     def upper(self) -> Tensor:
-        return self._ends([self.domain(name).upper for name in self.free])
+        return self._every([block.domain.upper for block in self.blocks], pinned=True)
 
-    def _ends(self, ends: Sequence[float]) -> Tensor:
-        repeated = [end for end, name in zip(ends, self.free, strict=True) for _ in range(self.count(name))]
-        for position, value in self.pinned.items():
+    @cached_property
+    def anywhere(self) -> Tensor:
+        """Some unknowns u [P] inside their domains."""
+        return self._every([block.start for block in self.blocks])
+
+    def _every(self, of_block: Sequence[float], *, pinned: bool = False) -> Tensor:
+        """A number for every block, repeated for its unknowns [P]."""
+        pairs = zip(of_block, self.blocks, strict=True)
+        repeated = [number for number, block in pairs for _ in range(self._length(block))]
+        for position, value in self.pinned.items() if pinned else ():
             repeated[position] = value
         return torch.tensor(repeated, dtype=torch.float64)
 
     @cached_property
     def selectors(self) -> Tensor:
-        """0/1 matrices [C, Q, P]: the unknown that each of the Q free parameters is in each channel."""
-        out = torch.zeros(self.channels, len(self.free), self.size, dtype=torch.float64)
+        """0/1 matrices [C, Q, S]: which of the S unknowns common to all samples is each of the Q parameters."""
+        shared = sum(self._length(block) for block in self.blocks if block.axis != "image")
+        out = torch.zeros(self.channels, len(self.free), shared, dtype=torch.float64)
         for row, name in enumerate(self.free):
             place = self.where[name]
             for channel in range(self.channels):
-                out[channel, row, place.start + (channel if self.count(name) > 1 else 0)] = 1
+                out[channel, row, place.start + (channel if place.stop - place.start > 1 else 0)] = 1
         return out
+
+    def places(self, images: Tensor) -> Tensor:
+        """Positions in u of the unknowns that samples of some images [B] touch: common ones and their own [B, Q]."""
+        shared = torch.arange(self.selectors.shape[-1]).expand(len(images), -1)
+        return torch.cat([shared, *(self.where[name].start + images[:, None] for name in self.exposures)], dim=1)
+
+    def exposure(self, unknowns: Tensor) -> Tensor | None:
+        """Factor on the radiance of every image [I]; None: 1 throughout."""
+        factors = [unknowns[self.where[name]] for name in self.exposures]
+        return torch.stack(factors).prod(dim=0) if factors else None
+
+    def prior_terms(self, unknowns: Tensor) -> PriorTerms | None:
+        """What the priors say at u [P]; None where every block's is flat."""
+        if all(block.prior is None for block in self.blocks):
+            return None
+        precision = self._every([0.0 if block.prior is None else block.prior**-2 for block in self.blocks])
+        return PriorTerms(precision, precision * (self.anywhere - unknowns))
 
     def values(self, unknowns: Tensor) -> dict[str, Tensor]:
         """Every parameter's value: a scalar, or [C]."""
         values = dict(self.held)
-        for name, place in self.where.items():
-            values[name] = unknowns[place] if self.count(name) > 1 else unknowns[place.start]
+        for name in self.free:
+            place = self.where[name]
+            values[name] = unknowns[place] if place.stop - place.start > 1 else unknowns[place.start]
         values.update({name: values[source] for name, source in self.ties.items()})
         return values
+
+    def unknowns_at(self, values: Mapping[str, Tensor]) -> Tensor:
+        """u [P] from the value (a scalar, or [C]) of every free parameter; other blocks at their start."""
+        out = self.anywhere.clone()
+        for name in self.free:
+            out[self.where[name]] = torch.as_tensor(values[name], dtype=torch.float64)
+        return out
 
     def wrapped(self, unknowns: Tensor) -> Tensor:
         """The same unknowns with periodic ones inside their domain."""
         out = unknowns.clone()
-        for name, place in self.where.items():
-            declared = self.declared(name)
+        for name in self.free:
+            declared, place = self.declared(name), self.where[name]
             if declared.periodic:
                 out[place] = declared.domain.lower + (out[place] - declared.domain.lower) % declared.domain.width
         return out
@@ -169,10 +296,24 @@ class Problem:
         """The same material with lobes in their order, where nothing that is held or tied tells them apart."""
         ordered = self.material(unknowns).ordered.parameters
         out = unknowns.clone()
-        for name, place in self.where.items():
-            out[place] = ordered[name]
+        for name in self.free:
+            out[self.where[name]] = ordered[name]
         kept = all(torch.allclose(torch.as_tensor(value), ordered[name]) for name, value in self.values(out).items())
         return out if kept else unknowns
 
     def material(self, unknowns: Tensor) -> Brdf:
         return self.brdf.replace(self.values(unknowns))
+
+
+def _parameter(brdf: Brdf, name: str, relative: bool) -> Block:
+    """The block of a parameter of a model."""
+    declared = brdf.declared[name]
+    domain = declared.domain
+    if declared.periodic:
+        domain = Domain(-math.inf, math.inf)
+    elif declared.gauge:
+        domain = Domain(domain.lower, math.inf)
+    elif relative and name in brdf.scales:
+        domain = domain.lifted()
+    kind: Kind = "light_scale" if declared.gauge else "parameter"
+    return Block(name, domain, "channel" if declared.per_channel else "one", kind)

@@ -22,7 +22,7 @@ from matest.identifiability.reasons import Nearness, Reasons
 from matest.inference.parameter_estimates import known_by_ratio, numerator_of, reported_name
 from matest.inference.quantities import Number, ParameterEstimate
 from matest.parameters import Domain
-from matest.photographs.samples import Samples
+from matest.photographs.samples import PhotographSamples
 from matest.shading import gathered_light, lit_directions
 
 SCHEMA = "matest.check/1"
@@ -256,7 +256,7 @@ def _tried(found: Forecast, levels: Sequence[Mapping[str, Tensor]], values: Mapp
     }
 
 
-def _nearness(samples: Samples) -> Nearness:
+def _nearness(samples: PhotographSamples) -> Nearness:
     """How near the samples come to the centre of a highlight."""
     scene, rim = samples.capture.scene, samples.capture.scene.surface.rim
     smallest = [math.inf, math.inf]
@@ -361,7 +361,7 @@ def _lost(estimate: ParameterEstimate) -> bool:
     return estimate.status == "not determined"
 
 
-def _warnings(plan: Plan, samples: Samples, own: bool, unnamed: bool) -> list[str]:
+def _warnings(plan: Plan, samples: PhotographSamples, own: bool, unnamed: bool) -> list[str]:
     out = []
     if unnamed and not own:
         out.append(f"No model was named: {DEFAULT_MODEL} is the largest that estimate tries; --model checks another.")

@@ -14,18 +14,21 @@ from torch import Tensor
 from matest.capture import Capture
 from matest.estimation.estimate import worth_freeing
 from matest.estimation.specification import Specification, freed
-from matest.estimators import Problem, Solution, Statistics, accumulate
+from matest.estimators import Problem, Solution, accumulate
 from matest.estimators.covariance import fisher
 from matest.estimators.moments import scores
+from matest.estimators.statistics import Statistics
 from matest.identifiability.plan import photographed
 from matest.inference.error_bars import ErrorBars
 from matest.inference.parameter_estimates import parameter_estimates
 from matest.inference.profiles import surroundings
 from matest.inference.quantities import ParameterEstimate
 from matest.inference.unseen import bent
-from matest.photographs.samples import TILE, Samples
-from matest.samples import Batch
+from matest.photographs.samples import PhotographSamples
+from matest.samples import Tile
 
+# PhotographSamples of a tile.
+_TILE = 65_536
 # More samples than this are thinned evenly: information is an integral over the images, and needs no more.
 _ENOUGH = 400_000
 
@@ -104,29 +107,33 @@ def unknowns_at(problem: Problem, values: Mapping[str, Tensor]) -> Tensor:
     return torch.cat([torch.atleast_1d(values[name]).double().expand(problem.count(name)) for name in problem.free])
 
 
-def usable(capture: Capture, problem: Problem, unknowns: Tensor) -> Samples:
+def usable(capture: Capture, problem: Problem, unknowns: Tensor) -> PhotographSamples:
     """The samples that photographs of the material at `unknowns` will give."""
     return photographed(capture, problem.material(unknowns)).samples(dtype=torch.float64)
 
 
-def thinned(samples: Samples) -> tuple[list[list[Callable[[], Batch]]], dict[int, float]]:
+def thinned(samples: PhotographSamples) -> tuple[list[list[Callable[[], Tile]]], dict[int, float]]:
     """Tiles of at most so many samples as are enough, and how many each stands for, by position of the image."""
     share = max(len(samples) / _ENOUGH, 1.0)
-    tiles: list[list[Callable[[], Batch]]] = []
+    tiles: list[list[Callable[[], Tile]]] = []
     weights: dict[int, float] = {}
-    for position, image in enumerate(samples.images):
+    for position in range(len(samples.images)):
         index = samples.indices(position)
         kept = index[np.arange(0, len(index), share).astype(int)]
         if not len(kept):
             continue
         weights[position] = len(index) / len(kept)
         tiles.append(
-            [partial(samples.at, image, kept[start : start + TILE], position) for start in range(0, len(kept), TILE)]
+            [partial(_tile, samples, position, kept[start : start + _TILE]) for start in range(0, len(kept), _TILE)]
         )
     return tiles, weights
 
 
-def forecast(samples: Samples, problem: Problem, unknowns: Tensor) -> Forecast:
+def _tile(samples: PhotographSamples, position: int, index: np.ndarray) -> Tile:
+    return Tile(samples.at(position, index))
+
+
+def forecast(samples: PhotographSamples, problem: Problem, unknowns: Tensor) -> Forecast:
     """The information of predicted photographs.
 
     Args:
@@ -136,12 +143,13 @@ def forecast(samples: Samples, problem: Problem, unknowns: Tensor) -> Forecast:
     """
     tiles, weights = thinned(samples)
     statistics = accumulate(problem, unknowns, tiles, unknowns)
-    each = torch.tensor([weights[position] for position in statistics.labels.tolist()], dtype=torch.float64)
+    positions = samples.groups.image[statistics.labels]
+    each = torch.tensor([weights[position] for position in positions.tolist()], dtype=torch.float64)
     information = (each[:, None, None] * statistics.informations).sum(0)
     return Forecast(problem, unknowns, information, len(samples) * samples.capture.channels)
 
 
-def bent_near(found: Forecast, samples: Samples) -> tuple[str, ...]:
+def bent_near(found: Forecast, samples: PhotographSamples) -> tuple[str, ...]:
     """Names of the parameters whose standard errors hold near the values assumed only."""
     tiles, weights = thinned(samples)
     share = 1 / max(weights.values(), default=1.0)
@@ -150,7 +158,7 @@ def bent_near(found: Forecast, samples: Samples) -> tuple[str, ...]:
 
 
 def as_estimated(
-    samples: Samples,
+    samples: PhotographSamples,
     specification: Specification,
     values: Mapping[str, Tensor],
     beside: Callable[[Forecast], Forecast] = lambda found: found,

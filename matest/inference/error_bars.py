@@ -10,7 +10,7 @@ from torch import Tensor
 
 from matest.estimators import Solution, at_bound, bounded_step
 from matest.estimators.covariance import Covariance, correlation_of_residuals, fisher, jackknife
-from matest.photographs.samples import Samples
+from matest.samples import Samples
 
 # Reduced χ² above this says that the model does not hold: stated noise is exact, noise estimated from the pictures
 # is known to some per cent.
@@ -68,16 +68,14 @@ class ErrorBars:
 def error_bars(solution: Solution, samples: Samples) -> ErrorBars:
     """Error bars of a solution: Fisher's where the model holds, jackknifed ones where it does not."""
     problem, statistics = solution.problem, solution.statistics
-    scale = statistics.misfit
+    scale = statistics.inflation
     push = statistics.gradient.abs() / (statistics.information.diagonal() * scale).clamp(min=1e-300).sqrt()
     # A valley that ends at a bound does not push: what lies along it is not determined there either.
     bound = at_bound(problem, solution.unknowns, statistics.gradient) & (push > _PUSHED)
     everything = torch.ones_like(bound)
     chi2 = statistics.total("chi2") / max(statistics.total("values") - int((~bound).sum()), 1)
     closed, opened = (fisher(statistics.information / scale, free) for free in (~bound, everything))
-    correlation, by_chance = correlation_of_residuals(
-        statistics.gradients / scale, statistics.informations / scale, closed
-    )
+    correlation, by_chance = correlation_of_residuals(statistics, closed)
     allowed = (_HOLDS_STATED if samples.noise_stated else _HOLDS_ESTIMATED) + 5 * math.sqrt(
         2 / max(statistics.total("values"), 1)
     )
@@ -94,8 +92,8 @@ def error_bars(solution: Solution, samples: Samples) -> ErrorBars:
         return fisher(information, everything).matrix @ gradient
 
     return ErrorBars(
-        jackknife(clusters.informations, clusters.gradients, ~bound, inside),
-        jackknife(clusters.informations, clusters.gradients, everything, anywhere),
+        jackknife(clusters, ~bound, inside),
+        jackknife(clusters, everything, anywhere),
         bound,
         chi2,
         correlation,

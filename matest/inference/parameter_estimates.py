@@ -36,7 +36,7 @@ def with_profiles(solution: Solution, bars: ErrorBars) -> ErrorBars:
     def around() -> Surroundings:
         return surroundings(solution)
 
-    problem, scale = solution.problem, solution.statistics.misfit
+    problem, scale = solution.problem, solution.statistics.inflation
     bars = replace(bars, flat=flat_at_bound(solution), bent=bent(solution, around))
     bars = replace(bars, locked=locked_with_unseen(solution, bars, around))
     plain = fisher(solution.statistics.information / scale, torch.ones_like(bars.bound)).std
@@ -176,7 +176,7 @@ def _ratio(solution: Solution, bars: ErrorBars, name: str, denominator: Paramete
     if numerator in problem.where:
         relative = torch.zeros(problem.size, dtype=torch.float64)
         relative[problem.where[numerator].start], relative[problem.where[source].start] = 1 / top, -1 / bottom
-        information = solution.statistics.information / solution.statistics.misfit
+        information = solution.statistics.information / solution.statistics.inflation
         found = error_of(information, relative)
         if found is None or found > 0.5:
             return ParameterEstimate(None, None, None, "1", "not determined", doc)

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from torch import Tensor
 
 from matest.estimators import Solution
-from matest.estimators.levenberg_marquardt import Evaluate, bounded_step, minimise
-from matest.estimators.separable import passes_over
+from matest.estimators.levenberg_marquardt import bounded_step, minimise
+from matest.estimators.passes import Evaluate, passes_over
 
 # χ² that a value may cost inside a 95 % interval: away from every bound, and at a bound that no estimate can pass.
 TWO_SIDED, _ONE_SIDED = 3.841458820694124, 2.705543454095414
@@ -68,7 +68,7 @@ class Surroundings:
         # Where the quadratic model expects them.
         start = start + bounded_step(pinned, start, information, gradient - information @ (start - near.unknowns))
         found = minimise(pinned, start, self.evaluate, passes=_PASSES, tolerance=_SETTLED)
-        unit = self.best.statistics.misfit * self.share
+        unit = self.best.statistics.inflation * self.share
         slope = -2 * float(found.statistics.gradient[position]) / unit
         return Rise(value, (_lowest(found) - _lowest(self.best)) / unit, slope, found)
 
@@ -76,7 +76,7 @@ class Surroundings:
 def surroundings(solution: Solution, share: float = 1.0) -> Surroundings:
     """Expand the likelihood about a solution, whose tiles are of a share of all samples."""
     reference = solution.unknowns
-    evaluate = passes_over(solution.problem, solution.tiles, reference, reference, solution.misfit)
+    evaluate = passes_over(solution.problem, solution.tiles, reference, reference, solution.residual_scale)
     best = minimise(solution.problem, reference, evaluate, passes=_PASSES, tolerance=_SETTLED)
     return Surroundings(best, evaluate, share)
 
@@ -172,8 +172,8 @@ class Profile:
 
 def _lowest(found: Solution) -> float:
     """Cost where the last step leads."""
-    cost = found.statistics.total("cost")
-    return cost - found.last_step**2 * found.statistics.misfit if found.converged else cost
+    cost = found.statistics.cost
+    return cost - found.last_step**2 * found.statistics.inflation if found.converged else cost
 
 
 def lower_threshold(estimate: float) -> float:

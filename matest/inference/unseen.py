@@ -30,7 +30,7 @@ def faint(solution: Solution, bars: ErrorBars, name: str) -> bool:
     if name not in problem.shapes:
         return False
     values = problem.values(solution.unknowns)
-    information = solution.statistics.information / solution.statistics.misfit
+    information = solution.statistics.information / solution.statistics.inflation
     # How much wider honest error bars are than those of the noise alone.
     wider = (bars.open.std / fisher(information, torch.ones(problem.size, dtype=torch.bool)).std).nan_to_num(1.0)
 
@@ -77,7 +77,7 @@ def locked_with_unseen(solution: Solution, bars: ErrorBars, around: Callable[[],
     """
     problem, statistics = solution.problem, solution.statistics
     width, std = problem.upper - problem.lower, bars.covariance.std
-    blind = (statistics.information.diagonal() / statistics.misfit * width.square() < 1) & torch.isfinite(width)
+    blind = (statistics.information.diagonal() / statistics.inflation * width.square() < 1) & torch.isfinite(width)
     names = {place.start + step: name for name, place in problem.where.items() for step in range(problem.count(name))}
     found: set[int] = set()
     for position in blind.nonzero()[:, 0].tolist():
@@ -102,7 +102,7 @@ def bent(solution: Solution, around: Callable[[], Surroundings]) -> frozenset[in
         solution: the optimum.
         around: gives the likelihood about it.
     """
-    problem, unit = solution.problem, solution.statistics.misfit
+    problem, unit = solution.problem, solution.statistics.inflation
     information, gradient = solution.statistics.information / unit, solution.statistics.gradient / unit
     covariance, width = fisher(information, torch.ones(problem.size, dtype=torch.bool)), problem.upper - problem.lower
     valleys = [*weak_directions(information)]
@@ -146,9 +146,9 @@ def flat_at_bound(solution: Solution) -> dict[int, float]:
             continue
         moved = solution.unknowns.clone()
         moved[place] = domain.lower + epsilon
-        statistics = accumulate(problem, moved, solution.tiles, solution.unknowns, solution.misfit)
+        statistics = accumulate(problem, moved, solution.tiles, solution.unknowns, solution.residual_scale)
         covariance = fisher(
-            statistics.information / solution.statistics.misfit, torch.ones(problem.size, dtype=torch.bool)
+            statistics.information / solution.statistics.inflation, torch.ones(problem.size, dtype=torch.bool)
         )
         for position in range(place.start, place.stop):
             square = (float(solution.unknowns[position]) - domain.lower) ** 2
@@ -163,5 +163,5 @@ def widening(solution: Solution, bars: ErrorBars) -> float:
     """How much wider honest error bars are than those of the noise alone: the largest factor."""
     problem = solution.problem
     everything = torch.ones(problem.size, dtype=torch.bool)
-    plain = fisher(solution.statistics.information / solution.statistics.misfit, everything).std
+    plain = fisher(solution.statistics.information / solution.statistics.inflation, everything).std
     return float((bars.open.std / plain).nan_to_num(1.0, posinf=1.0).clamp(min=1.0).max())

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import torch
 
 from matest.directions import dot
-from matest.photographs.samples import BLOCKS, Samples
+from matest.photographs.pixels import BLOCKS, LitPixels
 from matest.samples import Batch
 from matest.workers import walk
 
@@ -16,12 +18,12 @@ CLASSES = len(_HALF_ANGLES) + 1
 _CANDIDATES, _FEW = 8, 16_384  # pixels looked at per sample kept; all of fewer
 
 
-def pilot(samples: Samples, count: int, seed: int) -> list[Batch]:
+def pilot(pixels: LitPixels, count: int, seed: int) -> list[Batch]:
     """About `count` samples, spread evenly over images and half angles; one batch per image."""
-    quota = max(count // max(len(samples.images), 1), 256)
+    quota = max(count // max(len(pixels.images), 1), 256)
 
     def draw(position: int) -> list[Batch]:
-        image, usable, available = samples.images[position], samples.usable(position), samples.counts[position]
+        image, usable, available = pixels.images[position], pixels.usable(position), pixels.counts[position]
         if not available:
             return []
         generator = np.random.default_rng((seed, position))
@@ -32,12 +34,13 @@ def pilot(samples: Samples, count: int, seed: int) -> list[Batch]:
         else:
             index = np.flatnonzero(usable)
         if len(index) > quota:
-            index = _even(samples, image, index, quota, generator)
-        batch = samples.at(image, index, cluster=position * BLOCKS)
-        samples.capture.release(image)
+            index = _even(pixels, image, index, quota, generator)
+        # One group: so few pixels of a block say nothing of its errors.
+        batch = replace(pixels.at(position, index), groups=torch.full((len(index),), position * BLOCKS))
+        pixels.capture.release(image)
         return [batch]
 
-    return list(walk([range(len(samples.images))], draw))
+    return list(walk([range(len(pixels.images))], draw))
 
 
 def _one_of_each(length: int, count: int, generator: np.random.Generator) -> np.ndarray:
@@ -46,9 +49,9 @@ def _one_of_each(length: int, count: int, generator: np.random.Generator) -> np.
     return edges[:-1] + (generator.random(count) * np.diff(edges)).astype(np.int64)
 
 
-def _even(samples: Samples, image: int, index: np.ndarray, quota: int, generator: np.random.Generator) -> np.ndarray:
+def _even(pixels: LitPixels, image: int, index: np.ndarray, quota: int, generator: np.random.Generator) -> np.ndarray:
     """`quota` of the pixels `index`, as evenly over the classes of half angle as they are filled."""
-    classes = half_angles(samples, image, index)
+    classes = half_angles(pixels, image, index)
     order = generator.permutation(len(index))
     # Class by class, in random order within each.
     members = order[np.argsort(classes[order], kind="stable")]
@@ -63,9 +66,9 @@ def _even(samples: Samples, image: int, index: np.ndarray, quota: int, generator
     return index[np.sort(np.concatenate(chosen))]
 
 
-def half_angles(samples: Samples, image: int, index: np.ndarray) -> np.ndarray:
+def half_angles(pixels: LitPixels, image: int, index: np.ndarray) -> np.ndarray:
     """Class of the smallest half angle among the lights that each pixel faces, uint8 [n]."""
-    scene, chosen = samples.capture.scene, torch.from_numpy(index)
+    scene, chosen = pixels.capture.scene, torch.from_numpy(index)
     surface, shadows = scene.surface, scene.shadows[image] if scene.shadows else None
     normals = surface.normals_as(torch.float32).detach().index_select(0, chosen)
     view = surface.toward_viewer(chosen).detach().float()

@@ -1,128 +1,35 @@
-"""The waist of matest: for every lit pixel of every image, the geometry and the measured radiance with its noise."""
+"""Photographs as samples: what `Capture.samples` gives."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
-from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
 
-import cv2
 import numpy as np
 import torch
 from torch import Tensor
 
-from matest.directions import dot
-from matest.photographs.photometry import as_tensor, rounding
-from matest.samples.batch import Batch, Limits, Readout
-from matest.samples.groups import Groups
-from matest.scene import Points
-
-if TYPE_CHECKING:
-    from matest.capture.capture import Capture
-
-TILE = 65_536
-# Where cast shadows are unknown, a pixel counts only where its surroundings are this much read noise above black.
-# Rounding counts with that of mid-tones, a quarter of that of white.
-_DARK, _MIDDLE = 3.0, 0.25
-# Samples are grouped into blocks of pixels, whose errors may be correlated: this many across and down an image.
-_BLOCKS_ACROSS = 4
-BLOCKS = _BLOCKS_ACROSS**2
+from matest.photographs.pilot import pilot
+from matest.photographs.pixels import BLOCKS, LitPixels
+from matest.photographs.tiles import ImageTiles
+from matest.samples import Batch, Groups, Tiles
+from matest.samples.batch import join
 
 
-class _Selection(NamedTuple):
-    """Which pixels of each image are usable, one bit each, and what was skipped.
+class PhotographSamples(LitPixels):
+    """Samples of some images of a capture: every usable pixel of each.
 
-    Attributes:
-        usable: per image, packed bits [N].
-        counts: usable pixels per image.
-        skipped: number of pixels left out, by reason.
+    What is left out, and counted in `skipped`, is said in `LitPixels`.
     """
 
-    usable: list[np.ndarray]
-    counts: list[int]
-    skipped: dict[str, int]
+    @property
+    def channels(self) -> int:
+        """Channels of the radiance."""
+        return self.capture.channels
 
-
-class Samples:
-    """Samples of some images of a capture.
-
-    Left out, and counted in `skipped`: background, shadowed (attached and cast, with the edge of cast shadows; on a
-    surface known by its normals alone also what is too dark for the sensor), rim (pixels that may mix object and
-    background). Counted as saturated, but not left out: a channel that is says that its radiance is at least so high.
-    """
-
-    def __init__(
-        self, capture: Capture, images: tuple[int, ...], dtype: torch.dtype, device: torch.device | str
-    ) -> None:
-        self.capture = capture
-        self.images = images
-        self.dtype = dtype
-        self.device = device
-
-    @cached_property
-    def _selection(self) -> _Selection:
-        surface = self.capture.scene.surface
-        background = surface.shape[0] * surface.shape[1] - len(surface)
-
-        def select(image: int) -> tuple[np.ndarray, int, int]:
-            usable = ~surface.rim
-            dark = usable & (self._dark(image) | ~self._lit(image))
-            usable &= ~dark
-            saturated = self._saturated(image)
-            self.capture.release(image)
-            return np.packbits(usable), int(dark.sum()), 0 if saturated is None else int((usable & saturated).sum())
-
-        with ThreadPoolExecutor() as pool:
-            usable_bits, dark, saturated = (list(column) for column in zip(*pool.map(select, self.images), strict=True))
-        skipped = {
-            "background": background * len(self.images),
-            "shadowed": sum(dark),
-            "saturated": sum(saturated),
-            "rim": int(surface.rim.sum()) * len(self.images),
-            "redundant": 0,
-        }
-        counts = [int(np.bitwise_count(bits).sum()) for bits in usable_bits]
-        return _Selection(usable_bits, counts, skipped)
-
-    def _saturated(self, image: int) -> np.ndarray | None:
-        """Pixels with a saturated channel [N]; None where there are none."""
-        stored, saturated = self.capture.stored[image], self.capture.encoding.saturated
-        if not saturated(stored.max(keepdims=True, initial=0)).any():
-            return None
-        return np.asarray(saturated(stored).any(axis=1))
-
-    def _lit(self, image: int) -> np.ndarray:
-        """True where some light, or ambient light, reaches the pixel, and no shadow edge crosses it."""
-        scene = self.capture.scene
-        surface = scene.surface
-        lit = np.full(len(surface), bool((scene.ambient[image] > 0).any()))
-        shadows = scene.shadows[image] if scene.shadows else None
-        normals = surface.normals_as(torch.float32)
-        positions = scene.near_positions(image)
-        positions = None if positions is None else positions.float()
-        for number, light in enumerate(scene.lights[image]):
-            toward, _ = light.to(torch.float32, "cpu").at(positions)
-            faces = (dot(normals, toward) > 0).numpy()
-            lit |= faces if shadows is None else faces & ~shadows[number]
-        edge = scene.shadow_edge[image] if scene.shadow_edge else None
-        return lit if edge is None else lit & ~edge
-
-    def _dark(self, image: int) -> np.ndarray:
-        """True where no channel is above the noise: in shadow, where nothing says which pixels are [N].
-
-        Judged by the mean of 3×3 pixels: chosen by the noisy pixel itself, what is left over would be biased.
-        """
-        capture = self.capture
-        surface = capture.scene.surface
-        if surface.mesh is not None or surface.convex:
-            return np.zeros(len(surface), dtype=bool)
-        signal = surface.image(capture.encoding.signal(capture.stored[image], slice(None)).astype(np.float32))
-        mean = cv2.blur(signal, (3, 3)).reshape(-1, capture.channels)[surface.pixels]
-        codes = capture.stored[image].dtype
-        typical = float(rounding(capture.encoding, codes)[0] * _MIDDLE)
-        return (mean < _DARK * math.hypot(capture.noise.read, math.sqrt(typical))).all(axis=1)
+    @property
+    def relative(self) -> bool:
+        """Whether the strength of the lights is known up to one common factor only."""
+        return self.capture.relative
 
     @property
     def noise_stated(self) -> bool:
@@ -134,113 +41,20 @@ class Samples:
         """Blocks of pixels, and the position in `images` of the image that each belongs to."""
         return Groups(torch.arange(len(self.images)).repeat_interleave(BLOCKS))
 
-    @property
-    def skipped(self) -> dict[str, int]:
-        return dict(self._selection.skipped)
+    def optics(self, name: str) -> Tensor | None:
+        """See `Scene.optics`."""
+        return self.capture.scene.optics(name)
 
-    @property
-    def counts(self) -> list[int]:
-        """Number of usable pixels of each image."""
-        return self._selection.counts
+    def pilot(self, count: int, seed: int) -> list[Batch]:
+        """About `count` samples, spread evenly over images and half angles; one batch, and one group, per image."""
+        return pilot(self, count, seed)
 
-    def __len__(self) -> int:
-        return sum(self.counts)
+    def tiles(self, residual_scale: float = 1.0, *, merge: bool = True) -> Tiles:
+        """All samples, a few images at a time; with `merge`, a few stand for every smooth patch of pixels.
 
-    def usable(self, position: int) -> np.ndarray:
-        """Whether each pixel of the surface is usable in the image at `position` in `images` [N]."""
-        count = len(self.capture.scene.surface)
-        return np.unpackbits(self._selection.usable[position], count=count).view(bool)
-
-    def indices(self, position: int) -> np.ndarray:
-        """Usable pixels (indices into the surface) of the image at `position` in `images`."""
-        return np.flatnonzero(self.usable(position))
-
-    def at(self, image: int, index: np.ndarray, cluster: int | None = None) -> Batch:
-        """The samples of one image at some pixels."""
-        return Batch(
-            points=self.points(image, index),
-            radiance=self.radiance(image, index),
-            readout=self.readout(image, index),
-            limits=self.limits(image, index),
-            clipped=self.clipped(image, index),
-            cluster=cluster,
-            pixels=torch.from_numpy(index.astype(np.int64)).to(self.device),
-        )
-
-    def points(self, image: int, index: np.ndarray) -> Points:
-        """Geometry and light of some pixels of an image."""
-        chosen = torch.from_numpy(index.astype(np.int64))
-        return self.capture.scene.points(image, chosen, dtype=self.dtype, device=self.device)
-
-    def radiance(self, image: int, index: np.ndarray) -> Tensor:
-        """Measured radiance of some pixels of an image [n, C]."""
-        return as_tensor(self.capture.radiance(image, index), self.dtype, self.device)
-
-    def clipped(self, image: int, index: np.ndarray) -> Tensor | None:
-        """Which values are clipped, as in `Batch`."""
-        stored = np.take(self.capture.stored[image], index, axis=0)
-        black = stored.dtype.kind == "u" and stored.min(initial=1) == 0
-        if not black and not self.capture.encoding.saturated(stored.max(axis=0, keepdims=True, initial=0)).any():
-            return None
-        clipped = self.capture.encoding.saturated(stored).astype(np.int8)
-        if black:
-            clipped -= stored == 0
-        return torch.from_numpy(clipped).to(self.device)
-
-    def limits(self, image: int, index: np.ndarray) -> Limits | None:
-        """Radiance at which some pixels of an image clip; None where none do."""
-        capture = self.capture
-        ends = capture.encoding.limits(capture.stored[image].dtype, index)
-        if ends is None:
-            return None
-        scale = capture.encoding.scale / capture.exposures[image]
-        return Limits(*(as_tensor(end * scale, self.dtype, self.device) for end in ends))
-
-    def readout(self, image: int, index: np.ndarray) -> Readout:
-        """Noise of some pixels of an image."""
-        capture = self.capture
-        flat = capture.encoding.flat
-        scale = np.full((1, 1), capture.encoding.scale / capture.exposures[image])
-        if flat is not None:
-            scale = scale / flat[index]
-        rounded, power = rounding(capture.encoding, capture.stored[image].dtype)
-        values = (
-            (capture.noise.read * scale) ** 2,
-            capture.noise.gain * scale,
-            rounded * scale ** (2 - power),
-            np.full((1, 1), power),
-        )
-        return Readout(*(as_tensor(value, self.dtype, self.device) for value in values))
-
-    def tiles(self, size: int = TILE) -> Iterator[Batch]:
-        """All samples in tiles that fit the processor's cache, each of one image and one cluster."""
-        for position in range(len(self.images)):
-            for piece in self.pieces(position, size):
-                yield self.at(*piece)
-
-    def pieces(self, position: int, size: int = TILE) -> list[tuple[int, np.ndarray, int]]:
-        """The tiles of the image at `position` before anything is computed: arguments of `at`."""
-        return [
-            (self.images[position], index[start : start + size], cluster)
-            for cluster, index in self._clusters(position)
-            for start in range(0, len(index), size)
-        ]
-
-    def _clusters(self, position: int) -> list[tuple[int, np.ndarray]]:
-        """Blocks of an image: their labels, position · BLOCKS + block, and usable pixels."""
-        index = self.indices(position)
-        own = self.blocks[index]
-        order = np.argsort(own, kind="stable")
-        blocks, starts = np.unique(own[order], return_index=True)
-        parts = np.split(index[order], starts[1:])
-        return [(position * BLOCKS + int(block), part) for block, part in zip(blocks, parts, strict=False)]
-
-    @cached_property
-    def blocks(self) -> np.ndarray:
-        """The block of the object's bounding box that each pixel of the surface lies in [N]."""
-        surface = self.capture.scene.surface
-        rows, columns = np.divmod(surface.pixels, surface.shape[1])
-        return (_cell(rows) * _BLOCKS_ACROSS + _cell(columns)).astype(np.uint8)
+        `residual_scale` as in `likelihood.about`.
+        """
+        return ImageTiles(self, residual_scale, merge=merge)
 
     def batches(self, size: int, *, shuffle: bool = False, seed: int = 0, skip: int = 0) -> Iterator[Batch]:
         """Mini-batches for a training loop of one's own; with `shuffle`, drawn over all images without replacement.
@@ -258,67 +72,9 @@ class Samples:
         for first in range(skip * size, len(order), size):
             chosen = np.sort(order[first : first + size])
             edges = np.searchsorted(chosen, starts)
-            parts = [
-                self.at(image, self.indices(position)[chosen[edges[position] : edges[position + 1]] - starts[position]])
-                for position, image in enumerate(self.images)
+            stretches = [
+                (position, chosen[edges[position] : edges[position + 1]] - starts[position])
+                for position in range(len(self.images))
                 if edges[position] < edges[position + 1]
             ]
-            yield join(parts)
-
-
-def _cell(coordinate: np.ndarray) -> np.ndarray:
-    """Which of `_BLOCKS_ACROSS` equal stretches of the object each coordinate falls into."""
-    low, span = coordinate.min(), np.ptp(coordinate) + 1
-    return (coordinate - low) * _BLOCKS_ACROSS // span
-
-
-def join(parts: list[Batch]) -> Batch:
-    """One batch of several single ones; images with fewer lights get dark ones."""
-    if len(parts) == 1:
-        return parts[0]
-    lights = max(part.points.wi.shape[-2] for part in parts)
-    points = [_spread(part.points, len(part), lights) for part in parts]
-    ambient = None
-    if any(p.ambient is not None for p in points):
-        shapes = [part.radiance.shape for part in parts]
-        ambient = torch.cat(
-            [
-                p.irradiance.new_zeros(shape) if p.ambient is None else p.ambient.expand(shape)
-                for p, shape in zip(points, shapes, strict=True)
-            ]
-        )
-    clipped, limits = None, None
-    if any(part.clipped is not None for part in parts):
-        clipped = torch.cat(
-            [torch.zeros_like(part.radiance, dtype=torch.int8) if part.clipped is None else part.clipped
-             for part in parts]
-        )  # fmt: skip
-    if parts[0].limits is not None:
-        ends = [[value.expand(part.radiance.shape) for value in part.limits or ()] for part in parts]
-        limits = Limits(*(torch.cat(column) for column in zip(*ends, strict=True)))
-    readouts = [[value.expand(len(part), -1) for value in part.readout] for part in parts]
-    return Batch(
-        points=Points(
-            torch.cat([p.wi for p in points]),
-            torch.cat([p.wo for p in points]),
-            torch.cat([p.irradiance for p in points]),
-            ambient,
-        ),
-        radiance=torch.cat([part.radiance for part in parts]),
-        readout=Readout(*(torch.cat(column) for column in zip(*readouts, strict=True))),
-        limits=limits,
-        clipped=clipped,
-        runs=tuple(run for part in parts for run in part.runs or ((part.cluster or 0, len(part)),)),
-        pixels=torch.cat([part.pixels for part in parts if part.pixels is not None]),
-    )
-
-
-def _spread(points: Points, count: int, lights: int) -> Points:
-    """Points with every tensor at full size and dark lights added up to `lights`."""
-    missing = lights - points.wi.shape[-2]
-    wi = points.wi.expand(count, -1, -1)
-    irradiance = points.irradiance.expand(count, -1, -1)
-    if missing:
-        wi = torch.cat([wi, points.wo[:, None].expand(count, missing, 3)], dim=1)
-        irradiance = torch.cat([irradiance, irradiance.new_zeros(count, missing, irradiance.shape[-1])], dim=1)
-    return Points(wi, points.wo.expand(count, -1), irradiance, points.ambient)
+            yield join([self.at(position, self.indices(position)[some]) for position, some in stretches])

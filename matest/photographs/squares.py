@@ -20,7 +20,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from matest.samples.batch import Tier
+from matest.samples.merging import Tier
 from matest.scene import PointLight, Scene
 
 SIDE = 7

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import torch
 from torch import Tensor
+
+from matest.samples.batch import Batch
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,3 +22,17 @@ class Groups:
     """
 
     image: Tensor
+
+    @classmethod
+    def single(cls) -> Groups:
+        """All samples in one group of one image."""
+        return cls(torch.zeros(1, dtype=torch.int64))
+
+    @property
+    def images(self) -> int:
+        """Number of images."""
+        return int(self.image.max()) + 1
+
+    def image_of(self, batch: Batch) -> Tensor:
+        """The image of every sample of a batch, int64 [n]."""
+        return self.image[torch.zeros(len(batch), dtype=torch.int64) if batch.groups is None else batch.groups.cpu()]

@@ -1,20 +1,60 @@
-"""Tiles: groups of functions that give a batch each, computed when a worker asks for it."""
+"""Tiles: batches as an estimator works on them, computed when a worker asks for them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING, Any
 
+from torch import Tensor
+
+from matest.samples import likelihood
 from matest.samples.batch import Batch
+from matest.samples.likelihood import LeastSquares, Means
+
+if TYPE_CHECKING:
+    from matest.samples.merging import Merged
+
+
+@dataclass(frozen=True, eq=False)
+class Tile:
+    """A batch with what only an estimator needs to know of it.
+
+    Attributes:
+        batch: the samples.
+        means: what the samples are means of; None: every sample is one pixel.
+        merged: the squares of pixels that the first samples stand for; None: there are none.
+        least_squares: the problem that stands for the likelihood where it is known already; None: to be found.
+        cache: what depends on the points alone, by name, kept by who has computed it; None where samples come and go.
+    """
+
+    batch: Batch
+    means: Means | None = None
+    merged: Merged | None = None
+    least_squares: LeastSquares | None = None
+    cache: dict[str, Any] | None = None
+
+    def __len__(self) -> int:
+        return len(self.batch)
+
+    def first_guess(self) -> LeastSquares:
+        """See `likelihood.first_guess`."""
+        return likelihood.first_guess(self.batch.radiance, self.batch.noise, self.means)
+
+    def about(self, reference: Tensor, residual_scale: float = 1.0) -> LeastSquares:
+        """See `likelihood.about`."""
+        return likelihood.about(reference, self.batch.radiance, self.batch.noise, self.means, residual_scale)
+
 
 # A group is worked on at once.
-Tiles = Iterable[Sequence[Callable[[], Batch]]]
+Tiles = Iterable[Sequence[Callable[[], Tile]]]
 
 
-def in_memory(batches: Iterable[Batch]) -> list[list[Callable[[], Batch]]]:
-    """Batches that are already there, as tiles."""
-    return [[partial(_itself, batch) for batch in batches]]
+def in_memory(tiles: Iterable[Batch | Tile]) -> list[list[Callable[[], Tile]]]:
+    """Tiles, or batches of single pixels, that are already there."""
+    return [[partial(_itself, tile if isinstance(tile, Tile) else Tile(tile)) for tile in tiles]]
 
 
-def _itself(batch: Batch) -> Batch:
-    return batch
+def _itself(tile: Tile) -> Tile:
+    return tile

@@ -78,3 +78,36 @@ def illuminate(
         irradiance=torch.stack(torch.broadcast_tensors(*(power for _, power in lit)), dim=-2),
         ambient=ambient,
     )
+
+
+def join_points(parts: Sequence[Points], counts: Sequence[int]) -> Points:
+    """The points of several batches of so many points each; those with fewer lights get dark ones."""
+    lights = max(part.wi.shape[-2] for part in parts)
+    channels = max(part.irradiance.shape[-1] for part in parts)
+    spread = [_spread(part, count, lights) for part, count in zip(parts, counts, strict=True)]
+    ambient = None
+    if any(part.ambient is not None for part in spread):
+        shapes = [(count, channels) for count in counts]
+        ambient = torch.cat(
+            [
+                part.irradiance.new_zeros(shape) if part.ambient is None else part.ambient.expand(shape)
+                for part, shape in zip(spread, shapes, strict=True)
+            ]
+        )
+    return Points(
+        torch.cat([part.wi for part in spread]),
+        torch.cat([part.wo for part in spread]),
+        torch.cat([part.irradiance.expand(-1, -1, channels) for part in spread]),
+        ambient,
+    )
+
+
+def _spread(points: Points, count: int, lights: int) -> Points:
+    """Points with every tensor at full size and dark lights added up to `lights`."""
+    missing = lights - points.wi.shape[-2]
+    wi = points.wi.expand(count, -1, -1)
+    irradiance = points.irradiance.expand(count, -1, -1)
+    if missing:
+        wi = torch.cat([wi, points.wo[:, None].expand(count, missing, 3)], dim=1)
+        irradiance = torch.cat([irradiance, irradiance.new_zeros(count, missing, irradiance.shape[-1])], dim=1)
+    return Points(wi, points.wo.expand(count, -1), irradiance, points.ambient)

@@ -17,8 +17,7 @@ from torch import Tensor, nn
 from matest.brdf import Brdf
 from matest.errors import InputError
 from matest.losses import likelihood
-from matest.photographs.samples import Samples
-from matest.samples import Batch
+from matest.samples import Batch, Samples
 from matest.shading import shade
 from matest.training.checkpoint import read_checkpoint, unusable, write_checkpoint
 
@@ -307,13 +306,12 @@ def _settings(
 
 
 def _digest(samples: Samples) -> str:
-    """A fingerprint of samples: which pixels of which images, their lights, and the values of some of them."""
-    digest = hashlib.sha256(repr((samples.images, samples.counts, samples.dtype)).encode())
-    scene = samples.capture.scene
+    """A fingerprint of samples: their number, and the light, the view and the values of some of them."""
     some = next(samples.batches(4096, shuffle=True))
-    lights = [value for image in samples.images for light in scene.lights[image] for value in vars(light).values()]
-    for value in (some.radiance, *some.readout, scene.ambient, *lights):
-        if isinstance(value, Tensor):
+    digest = hashlib.sha256(repr((len(samples), some.radiance.dtype)).encode())
+    points = some.points
+    for value in (some.radiance, *some.noise.readout, points.wi, points.wo, points.irradiance, points.ambient):
+        if value is not None:
             digest.update(value.detach().cpu().double().contiguous().numpy().tobytes())
     return digest.hexdigest()
 

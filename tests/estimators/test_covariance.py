@@ -22,6 +22,8 @@ from matest.estimators.covariance import (
     quantile95,
     weak_directions,
 )
+from matest.estimators.moments import SCORES
+from matest.estimators.statistics import Statistics
 from tests.problems import information
 from tests.simulated import Studio
 
@@ -128,10 +130,15 @@ def test_nothing_free_has_no_covariance() -> None:
     assert not bool(covariance.undetermined.any())
 
 
+def groups(informations: Tensor, gradients: Tensor) -> Statistics:
+    count = len(informations)
+    return Statistics(torch.arange(count), informations, gradients, torch.zeros(count, len(SCORES), dtype=DOUBLE))
+
+
 def test_jackknife_of_a_mean_is_the_textbook_formula() -> None:
     values = torch.from_numpy(np.random.default_rng(6).normal(3.0, 2.0, 9))
     offsets = values - values.mean()
-    covariance = jackknife(torch.ones(9, 1, 1, dtype=DOUBLE), offsets[:, None], everything(1), unbounded)
+    covariance = jackknife(groups(torch.ones(9, 1, 1, dtype=DOUBLE), offsets[:, None]), everything(1), unbounded)
     assert float(covariance.std) == pytest.approx(float(values.std(unbiased=True)) / 3)
     assert covariance.degrees == 8
 
@@ -147,7 +154,7 @@ def test_jackknife_of_a_regression_leaves_out_one_cluster_at_a_time() -> None:
     whole = np.linalg.lstsq(np.concatenate(designs), np.concatenate(targets))[0]
     informations = torch.stack([torch.from_numpy(x.T @ x) for x in designs])
     gradients = torch.stack([torch.from_numpy(x.T @ (y - x @ whole)) for x, y in zip(designs, targets, strict=True)])
-    covariance = jackknife(informations, gradients, everything(2), unbounded)
+    covariance = jackknife(groups(informations, gradients), everything(2), unbounded)
     moved = np.array(solve) - np.mean(solve, axis=0)
     np.testing.assert_allclose(covariance.matrix.numpy(), 5 / 6 * moved.T @ moved, rtol=1e-9)
 
@@ -162,8 +169,7 @@ def test_jackknife_keeps_parameters_at_a_bound_and_undetermined_ones_out() -> No
         gradients.append(torch.from_numpy(rng.standard_normal(4)))
     free = torch.tensor([True, True, True, False])
     covariance = jackknife(
-        torch.stack(informations),
-        torch.stack(gradients),
+        groups(torch.stack(informations), torch.stack(gradients)),
         free,
         lambda m, g: torch.linalg.lstsq(m, g[:, None]).solution[:, 0],
     )
@@ -179,7 +185,7 @@ def test_independent_residuals_have_correlation_one() -> None:
         scores.append(torch.from_numpy(x.T @ rng.standard_normal(50)))
         informations.append(torch.from_numpy(x.T @ x))
     found, by_chance = correlation_of_residuals(
-        torch.stack(scores), torch.stack(informations), fisher(sum(informations), everything(3))
+        groups(torch.stack(informations), torch.stack(scores)), fisher(sum(informations), everything(3))
     )
     assert by_chance == pytest.approx(math.sqrt(2 / (400 * 3)), rel=0.05)
     assert found == pytest.approx(1, abs=3 * by_chance)
@@ -193,7 +199,7 @@ def test_the_correlation_of_few_blocks_scatters_as_much_as_it_says() -> None:
     trials = []
     for _ in range(2000):
         scores = torch.stack([torch.from_numpy(x.T @ rng.standard_normal(len(x))) for x in blocks])
-        found, by_chance = correlation_of_residuals(scores, informations, covariance)
+        found, by_chance = correlation_of_residuals(groups(informations, scores), covariance)
         trials.append(found)
     assert np.mean(trials) == pytest.approx(1, abs=0.08)
     assert np.std(trials) == pytest.approx(by_chance, rel=0.1)
@@ -208,7 +214,7 @@ def test_residuals_that_lean_one_way_over_a_cluster_have_a_large_correlation() -
         scores.append(torch.tensor([residuals.sum()]))
         total += 50
     informations = torch.full((100, 1, 1), 50.0, dtype=DOUBLE)
-    found, by_chance = correlation_of_residuals(torch.stack(scores), informations, fisher(total, everything(1)))
+    found, by_chance = correlation_of_residuals(groups(informations, torch.stack(scores)), fisher(total, everything(1)))
     assert found == pytest.approx(25.5, rel=0.5)
     assert by_chance < 0.2
 

@@ -18,11 +18,11 @@ from matest.benchmark.suites.outliers import SPOILT
 from matest.brdf import CookTorrance, Lambert, OrenNayar, OrenNayarQualitative, TorranceSparrow
 from matest.estimators import Problem, at_bound, fit, fit_batches
 from matest.estimators.levenberg_marquardt import minimise
-from matest.estimators.moments import Statistics, scores
+from matest.estimators.moments import scores
 from matest.estimators.starts import distance, most_plausible
-from matest.photographs.pilot import pilot
-from matest.photographs.samples import Samples
-from matest.samples import Batch
+from matest.estimators.statistics import Statistics
+from matest.photographs.samples import PhotographSamples
+from matest.samples import Batch, Tile
 from matest.shading import shade
 from matest.workers import single_threaded_torch
 from tests.problems import problem
@@ -42,7 +42,7 @@ MATERIALS = [
 
 
 def weighted_residuals(chosen: Problem, batch: Batch, weights_at: Tensor) -> Callable[[np.ndarray], np.ndarray]:
-    response, weight, *_ = batch.working(shade(chosen.material(weights_at), batch.points))
+    response, weight, *_ = Tile(batch).about(shade(chosen.material(weights_at), batch.points))
 
     def residuals(unknowns: np.ndarray) -> np.ndarray:
         model = shade(chosen.material(torch.from_numpy(unknowns)), batch.points)
@@ -51,7 +51,9 @@ def weighted_residuals(chosen: Problem, batch: Batch, weights_at: Tensor) -> Cal
     return residuals
 
 
-def scipy_optimum(chosen: Problem, samples: Samples, start: Tensor, weights_at: Tensor) -> tuple[Tensor, Tensor]:
+def scipy_optimum(
+    chosen: Problem, samples: PhotographSamples, start: Tensor, weights_at: Tensor
+) -> tuple[Tensor, Tensor]:
     """scipy's optimum of the residuals that the fit minimises, and its standard errors."""
     (batch,) = samples.batches(10**7, shuffle=True)
     found = least_squares(
@@ -67,12 +69,12 @@ def scipy_optimum(chosen: Problem, samples: Samples, start: Tensor, weights_at: 
     return torch.from_numpy(found.x), torch.from_numpy(np.linalg.inv(found.jac.T @ found.jac).diagonal().copy()).sqrt()
 
 
-def distance_to_scipy(chosen: Problem, samples: Samples) -> float:
+def distance_to_scipy(chosen: Problem, samples: PhotographSamples) -> float:
     """How far the fit ends from scipy's optimum, in standard errors."""
     solution = fit(chosen, samples, seed=0)
     assert solution.converged
     # The fit weighs by the optimum of its pilot, which the same seed draws again.
-    weights_at = fit_batches(chosen, pilot(samples, 24_000, seed=0)).unknowns
+    weights_at = fit_batches(chosen, samples.pilot(24_000, seed=0)).unknowns
     expected, standard_error = scipy_optimum(chosen, samples, weights_at, weights_at)
     return float(((solution.unknowns - expected) / standard_error).abs().max())
 
@@ -141,7 +143,7 @@ def test_a_nearly_smooth_surface_is_not_left_at_the_flat_end(seed: int) -> None:
     samples = Studio(size=24, lights=lights).photograph(OrenNayar(0.6, 0.08), seed=seed).samples(dtype=torch.float64)
     chosen = problem("oren-nayar")
     solution = fit(chosen, samples, seed=0)
-    weights_at = fit_batches(chosen, pilot(samples, 24_000, seed=0)).unknowns
+    weights_at = fit_batches(chosen, samples.pilot(24_000, seed=0)).unknowns
     (batch,) = samples.batches(10**7, shuffle=True)
     residuals = weighted_residuals(chosen, batch, weights_at)
     others = [
@@ -170,7 +172,7 @@ def test_a_problem_without_unknowns_is_only_measured() -> None:
     samples = Studio(size=24).photograph(Lambert(0.6), seed=9).samples()
     solution = fit(problem("lambert", fix={"albedo": 0.6}), samples, seed=0)
     assert solution.unknowns.shape == (0,)
-    assert solution.statistics.misfit == pytest.approx(1, abs=0.1)
+    assert solution.statistics.inflation == pytest.approx(1, abs=0.1)
 
 
 @pytest.mark.parametrize("expression", ["oren-nayar", "cook-torrance"])
@@ -182,7 +184,7 @@ def test_steps_that_are_not_looked_at_end_where_small_ones_do(
     drawn = draw(expression, seed)
     samples = drawn.photograph(SPOILT).samples()
     chosen = problem(expression, channels=samples.capture.channels)
-    batches = pilot(samples, 24_000, seed=0)
+    batches = samples.pilot(24_000, seed=0)
     found = fit_batches(chosen, batches)
     monkeypatch.setattr(importlib.import_module("matest.estimators.fit"), "_FREE", 0.0)
     slow = fit_batches(chosen, batches)
@@ -236,7 +238,7 @@ def test_estimates_side_by_side_leave_torch_its_threads() -> None:
 def test_of_optima_that_the_data_cannot_tell_apart_one_inside_the_domain_is_taken() -> None:
     chosen = problem("cook-torrance", channels=1, fix={"f0": 0.04})
     samples = Studio(size=16).photograph(CookTorrance([0.3], [0.5], 0.2)).samples()
-    inside = fit_batches(chosen, pilot(samples, 24_000, seed=0))
+    inside = fit_batches(chosen, samples.pilot(24_000, seed=0))
     edge = inside.unknowns.clone()
     edge[chosen.where["slope"]] = float(chosen.domain("slope").upper) - 1e-5
     alike = replace(inside, unknowns=edge)

@@ -13,10 +13,11 @@ from torch import Tensor
 
 from matest.brdf import CookTorrance, Lambert, OrenNayar
 from matest.capture import Capture
-from matest.estimators import AllTiles, Problem, accumulate, at_bound, bounded_step
+from matest.estimators import Problem, accumulate, at_bound, bounded_step
 from matest.estimators.levenberg_marquardt import Evaluate, minimise
-from matest.estimators.moments import SCORES, Statistics
+from matest.estimators.moments import SCORES
 from matest.estimators.search import search
+from matest.estimators.statistics import Statistics
 from matest.photographs.photometry import Noise
 from tests.problems import information, problem, quadratic
 from tests.simulated import Studio, coloured
@@ -239,7 +240,7 @@ def noisy_rough_sphere() -> tuple[Evaluate, Tensor]:
     """Passes over photographs of an Oren-Nayar sphere, and unknowns far from the truth."""
     chosen = problem("oren-nayar", channels=3)
     capture = Studio(size=20, lights=coloured()[:3]).photograph(OrenNayar([0.7, 0.5, 0.3], 0.6), seed=1)
-    tiles = AllTiles(capture.samples(dtype=torch.float64))
+    tiles = capture.samples(dtype=torch.float64).tiles(merge=False)
     reference_point = torch.tensor([0.7, 0.5, 0.3, 0.6], dtype=torch.float64)
     start = torch.tensor([0.1, 0.9, 0.9, 0.05], dtype=torch.float64)
     return lambda unknowns: accumulate(chosen, unknowns, tiles, reference_point), start
@@ -248,7 +249,7 @@ def noisy_rough_sphere() -> tuple[Evaluate, Tensor]:
 def ends_of_descents(chosen: Problem, capture: Capture, least: float, most: float) -> tuple[list[Tensor], Tensor]:
     """Optima reached from starts whose shape lies between two values, and the standard errors there."""
     samples = capture.samples(dtype=torch.float64)
-    tiles = AllTiles(samples)
+    tiles = samples.tiles(merge=False)
     found = search(chosen, list(samples.tiles()))
     # Every other node of the grid, with its best amplitudes.
     (nodes,) = found.nodes
@@ -284,7 +285,7 @@ def test_every_slope_of_the_right_magnitude_leads_to_the_same_optimum() -> None:
 def test_an_albedo_above_one_ends_at_its_bound() -> None:
     chosen = problem("lambert", channels=3)
     studio = Studio(size=24, lights=coloured(), noise=Noise(0.002, 0.0))
-    tiles = AllTiles(studio.photograph(Lambert([0.9, 0.6, 0.5]), seed=4, brightness=1.3).samples())
+    tiles = studio.photograph(Lambert([0.9, 0.6, 0.5]), seed=4, brightness=1.3).samples().tiles(merge=False)
     start = torch.tensor([0.5, 0.5, 0.5], dtype=torch.float64)
     solution = minimise(chosen, start, lambda u: accumulate(chosen, u, tiles, None), passes=20, tolerance=0.01)
     assert solution.converged

@@ -8,26 +8,29 @@ import pytest
 import torch
 
 from matest.brdf import Brdf, CookTorrance
-from matest.estimators import AllTiles, accumulate, fit, fit_batches
+from matest.estimators import accumulate, fit, fit_batches
 from matest.estimators.levenberg_marquardt import Solution, minimise
-from matest.estimators.moments import SCORES, Statistics
+from matest.estimators.moments import SCORES
 from matest.estimators.one_step import CLOSE, single_step
+from matest.estimators.statistics import Statistics
 from matest.photographs.pilot import pilot
-from matest.photographs.samples import Samples
+from matest.photographs.samples import PhotographSamples
 from tests.problems import problem
 from tests.simulated import Studio
 
 GLOSSY = CookTorrance(0.3, 0.6, 0.3, 0.04)
 
 
-def photographed(material: Brdf = GLOSSY, size: int = 96) -> Samples:
+def photographed(material: Brdf = GLOSSY, size: int = 96) -> PhotographSamples:
     return Studio(size=size).photograph(material, seed=3).samples()
 
 
-def begun(samples: Samples, count: int = 8000) -> tuple[Solution, Statistics]:
+def begun(samples: PhotographSamples, count: int = 8000) -> tuple[Solution, Statistics]:
     """The optimum of a small pilot, and the statistics of all samples there."""
     found = fit_batches(problem("cook-torrance", fix={"f0": 0.04}), pilot(samples, count, seed=0))
-    return found, accumulate(found.problem, found.unknowns, AllTiles(samples), found.unknowns, found.misfit)
+    return found, accumulate(
+        found.problem, found.unknowns, samples.tiles(merge=False), found.unknowns, found.residual_scale
+    )
 
 
 def standard_errors(one: Solution, other: Solution) -> float:
@@ -43,7 +46,7 @@ def test_one_step_from_the_pilot_ends_where_many_do() -> None:
     assert (once.iterations, once.converged) == (1, True)
 
     def evaluate(unknowns: torch.Tensor) -> Statistics:
-        return accumulate(start.problem, unknowns, AllTiles(samples), start.unknowns, start.misfit)
+        return accumulate(start.problem, unknowns, samples.tiles(merge=False), start.unknowns, start.residual_scale)
 
     whole = minimise(start.problem, start.unknowns, evaluate, passes=20, tolerance=1e-3)
     assert standard_errors(start, whole) > 0.5
@@ -59,7 +62,7 @@ def test_a_step_so_long_that_the_model_bends_is_not_enough() -> None:
     far = start.unknowns.clone()
     far[start.problem.where["slope"]] *= 1.2
     away = replace(start, unknowns=far)
-    assert single_step(away, accumulate(start.problem, far, AllTiles(samples), far)) is None
+    assert single_step(away, accumulate(start.problem, far, samples.tiles(merge=False), far)) is None
 
 
 def test_a_model_that_misses_takes_another_pass() -> None:

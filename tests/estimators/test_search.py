@@ -11,11 +11,12 @@ from torch import Tensor
 
 from matest.brdf import Brdf, CookTorrance, OrenNayar, TorranceSparrow
 from matest.estimators import Problem, accumulate
+from matest.estimators.basis import TangentBasis
 from matest.estimators.levenberg_marquardt import Solution, minimise
-from matest.estimators.linearise import Linearisation
 from matest.estimators.search import Search, normal_equations, search
 from matest.photographs.pilot import pilot
-from matest.samples import Batch
+from matest.samples import Batch, Tile
+from matest.samples.tiles import in_memory
 from tests.problems import problem
 from tests.simulated import Studio, coloured
 
@@ -33,7 +34,7 @@ def uniform(lower: float, upper: float, seed: int) -> float:
 
 
 def descend(found: Search, start: Tensor, measured: list[Batch]) -> Solution:
-    tiles = [[lambda batch=batch: batch for batch in measured]]
+    tiles = in_memory(measured)
     return minimise(
         found.problem, start, lambda u: accumulate(found.problem, u, tiles, None), passes=60, tolerance=1e-3
     )
@@ -129,7 +130,7 @@ def test_an_unknown_light_scale_is_told_from_albedo(brightness: float) -> None:
 def test_the_light_scale_leaves_room_for_a_facet_that_reflects_all_light(brightness: float) -> None:
     measured = batches(OrenNayar([0.9, 0.5, 0.2], 0.4), brightness=brightness, relative=True)
     found = search(problem("oren-nayar", channels=3, relative=True), measured)
-    limit = found.problem.gauge_limit
+    limit = found.problem.light_scale_limit
     # The limit takes the brightest albedo for that of a surface without second bounce, which is a little brighter.
     assert 1 / (1.1 * 0.9 * brightness) < limit <= 1.05 / (0.9 * brightness)
     assert all(inside(found.problem, start) for start in found.starts())
@@ -154,11 +155,11 @@ def test_nodes_that_are_evaluated_together_give_what_each_gives_alone(
     ]
     _, gram, moment = normal_equations(chosen, measured, points)
     for number, unknowns in enumerate(points):
-        alone = Linearisation(chosen, unknowns, derivatives=False)
+        alone = TangentBasis(chosen, unknowns, derivatives=False)
         expected_gram, expected_moment = torch.zeros_like(gram[0]), torch.zeros_like(moment[0])
         for batch in measured:
-            images, view = alone.images(batch, cut=False), batch.measured()
-            design = (images.values * images.tint[:, None, None]).double()
+            columns, view = alone.columns(Tile(batch), cut=False), Tile(batch).first_guess()
+            design = (columns.values * columns.tint[:, None, None]).double()
             weighted = design * view.weight.T[:, None].double()
             expected_gram += weighted @ design.mT
             expected_moment += (weighted @ view.response.T[..., None].double())[..., 0]

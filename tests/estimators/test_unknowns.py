@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import pytest
 import torch
@@ -109,7 +108,7 @@ def test_relative_radiometry_lifts_only_albedo_like_bounds() -> None:
 
 
 def test_relative_radiometry_frees_the_gauge_up_to_its_limit() -> None:
-    chosen = replace(problem("oren-nayar", relative=True), gauge_limit=1.6)
+    chosen = problem("oren-nayar", relative=True).limited(1.6)
     assert chosen.gauges == ["interreflection"]
     assert chosen.upper.tolist() == [math.inf, math.pi / 2, 1.6]
     assert chosen.lower.tolist() == [0, 0, 0]

@@ -9,11 +9,11 @@ import pytest
 import torch
 
 from matest.brdf import CookTorrance, OrenNayar
-from matest.estimators import AllTiles, Problem, accumulate
+from matest.estimators import Problem, accumulate
 from matest.estimators.moments import SCORES
 from matest.photographs.patches import Patches
 from matest.photographs.photometry import Encoding, Noise
-from matest.photographs.samples import Samples
+from matest.photographs.samples import PhotographSamples
 from matest.photographs.squares import (
     NINE,
     NODES,
@@ -37,7 +37,7 @@ MATERIALS = {
 }
 
 
-def samples(expression: str = "oren-nayar", seed: int = 0) -> Samples:
+def samples(expression: str = "oren-nayar", seed: int = 0) -> PhotographSamples:
     return Studio(size=SIZE, lights=coloured()).photograph(MATERIALS[expression], seed=seed).samples()
 
 
@@ -104,15 +104,15 @@ def test_every_usable_pixel_counts_once() -> None:
     chosen = samples()
     patches = Patches(chosen)
     for position, count in enumerate(chosen.counts):
-        batches = [patches.batch(position, part) for part in range(patches.parts(position))]
-        assert sum(float(batch.copies.sum()) for batch in batches) == pytest.approx(count, rel=1e-6)
-        assert all(sum(length for _, length in batch.runs) == len(batch) for batch in batches)
-        assert sum(len(batch) for batch in batches) < count / 3
+        tiles = [patches.tile(position, part) for part in range(patches.parts(position))]
+        assert sum(float(tile.means.pixels.sum()) for tile in tiles) == pytest.approx(count, rel=1e-6)
+        assert all(len(tile.batch.groups) == len(tile) for tile in tiles)
+        assert sum(len(tile) for tile in tiles) < count / 3
 
 
 def test_blocks_of_pixels_keep_their_labels() -> None:
     chosen = samples()
-    merged, single = (accumulate(*truth("oren-nayar"), AllTiles(chosen, merge), None) for merge in (True, False))
+    merged, single = (accumulate(*truth("oren-nayar"), chosen.tiles(merge=merge), None) for merge in (True, False))
     assert torch.equal(merged.labels, single.labels)
     counts = [found.scores[:, SCORES.index("samples")].numpy() for found in (merged, single)]
     # A quilt on the border of two blocks belongs to one of them.
@@ -123,7 +123,7 @@ def test_blocks_of_pixels_keep_their_labels() -> None:
 def test_merged_pixels_say_what_single_ones_do(expression: str) -> None:
     chosen = samples(expression)
     unknown, at = truth(expression)
-    single, merged = (accumulate(unknown, at, AllTiles(chosen, merge), at) for merge in (False, True))
+    single, merged = (accumulate(unknown, at, chosen.tiles(merge=merge), at) for merge in (False, True))
     assert merged.total("evaluated") < 0.7 * single.total("evaluated")
     assert merged.total("samples") == single.total("samples")
     std = torch.linalg.inv(single.information).diagonal().sqrt()
@@ -141,8 +141,10 @@ def test_a_spoilt_pixel_leaves_its_patch_single_and_those_around_it_to_themselve
     middle = Patches(chosen).layout.patches[:, NINE * (Patches(chosen).layout.quilts.shape[1] // 2)]
     stored = [image.copy() for image in chosen.capture.stored]
     stored[0][middle[5]] = 0.9 * stored[0].max()
-    spoilt = Samples(replace(chosen.capture, stored=tuple(stored)), chosen.images, chosen.dtype, chosen.device)
-    before, after = (Patches(some).batch(0, 0) for some in (chosen, spoilt))
+    spoilt = PhotographSamples(
+        replace(chosen.capture, stored=tuple(stored)), chosen.images, chosen.dtype, chosen.device
+    )
+    before, after = (Patches(some).tile(0, 0) for some in (chosen, spoilt))
     assert after.merged is not None
     assert before.merged is not None
     (quilts, patches), (fewer, more) = ([count for _, count in batch.merged.tiers] for batch in (before, after))
@@ -159,11 +161,11 @@ def test_saturated_pixels_stay_single() -> None:
     patches = Patches(chosen)
     clipped = 0
     for position in range(len(chosen.images)):
-        batch = patches.batch(position, 0)
-        assert batch.merged is not None
-        if batch.clipped is not None:
-            assert not bool(batch.clipped[: sum(tier.size * count for tier, count in batch.merged.tiers)].any())
-            clipped += int((batch.clipped > 0).any(-1).sum())
+        tile = patches.tile(position, 0)
+        assert tile.merged is not None
+        if (of_tile := tile.batch.noise.clipped) is not None:
+            assert not bool(of_tile[: sum(tier.size * count for tier, count in tile.merged.tiers)].any())
+            clipped += int((of_tile > 0).any(-1).sum())
     assert clipped == chosen.skipped["saturated"] > 100
 
 
@@ -177,7 +179,9 @@ def test_creases_and_noisy_normals_are_not_smooth() -> None:
     creased[torch.from_numpy(columns > SIZE // 2)] = torch.tensor([0.6, 0.0, 0.8], dtype=torch.float64)
     for normals, smooth in ((noisy, False), (creased, True)):
         scene = replace(chosen.capture.scene, surface=replace(surface, normals=normals / normals.norm(dim=-1)[:, None]))
-        found = Patches(Samples(replace(chosen.capture, scene=scene), chosen.images, chosen.dtype, chosen.device))
+        found = Patches(
+            PhotographSamples(replace(chosen.capture, scene=scene), chosen.images, chosen.dtype, chosen.device)
+        )
         assert bool(found.layout.patches.size) == smooth
         across = columns[found.layout.patches]
         assert not ((across <= SIZE // 2).any(0) & (across > SIZE // 2).any(0)).any()
@@ -186,4 +190,4 @@ def test_creases_and_noisy_normals_are_not_smooth() -> None:
 def test_small_surfaces_are_not_merged() -> None:
     chosen = Studio(size=64, lights=coloured()).photograph(MATERIALS["oren-nayar"], seed=0).samples()
     assert not Patches(chosen).layout.patches.size
-    assert Patches(chosen).batch(0, 0).merged is None
+    assert Patches(chosen).tile(0, 0).merged is None

@@ -8,7 +8,8 @@ import torch
 
 from matest.brdf import CookTorrance, Lambert
 from matest.photographs.pilot import pilot
-from matest.photographs.samples import BLOCKS, Samples
+from matest.photographs.pixels import BLOCKS
+from matest.photographs.samples import PhotographSamples
 from matest.samples import Batch
 from matest.shading import lit_directions
 from tests.captures import directional
@@ -17,13 +18,18 @@ from tests.simulated import DIRECTIONS, Studio
 QUOTA = 600
 
 
-def samples(size: int = 160) -> Samples:
+def samples(size: int = 160) -> PhotographSamples:
     return Studio(size=size).photograph(CookTorrance(0.3, 0.8, 0.1), seed=0).samples()
 
 
 def half_angles(batch: Batch) -> np.ndarray:
     """Degrees between the normal and the nearest half vector, of every sample."""
     return torch.rad2deg(lit_directions(batch.points).theta_half[..., 0]).amin(-1).numpy()
+
+
+def labels(batches: list[Batch]) -> list[int]:
+    """The one group of each batch."""
+    return [int(label) for batch in batches for label in batch.groups.unique()]
 
 
 def same(first: list[Batch], second: list[Batch]) -> bool:
@@ -36,7 +42,7 @@ def same(first: list[Batch], second: list[Batch]) -> bool:
 def test_every_image_gets_its_share() -> None:
     batches = pilot(samples(), 6 * QUOTA, seed=1)
     assert [len(batch) for batch in batches] == [QUOTA] * 6
-    assert [batch.cluster for batch in batches] == [image * BLOCKS for image in range(6)]
+    assert labels(batches) == [image * BLOCKS for image in range(6)]
 
 
 def test_samples_are_drawn_without_replacement() -> None:
@@ -97,13 +103,13 @@ def test_images_without_usable_pixels_are_passed_over() -> None:
     lights = ((directional(DIRECTIONS[0], 3.0),), (directional((0.0, 0.0, -1.0), 3.0),))
     dark = Studio(size=32, lights=lights).photograph(Lambert(0.5), seed=0).samples()
     assert len(dark.indices(1)) == 0
-    assert [batch.cluster for batch in pilot(dark, 500, seed=0)] == [0]
+    assert labels(pilot(dark, 500, seed=0)) == [0]
 
 
 def test_positions_of_some_images_are_counted_within_them() -> None:
     chosen = Studio(size=32).photograph(Lambert(0.5), seed=0).samples([4, 1])
     batches = pilot(chosen, 512, seed=0)
-    assert [batch.cluster for batch in batches] == [0, BLOCKS]
+    assert labels(batches) == [0, BLOCKS]
     toward = chosen.capture.scene.lights[4][0].direction
     assert float(batches[0].points.wi[0, 0] @ batches[0].points.wo[0]) == pytest.approx(float(toward[2]), abs=1e-6)
 

@@ -11,7 +11,8 @@ import trimesh
 from matest.brdf import Lambert
 from matest.capture import Capture
 from matest.photographs.photometry import Encoding, Noise
-from matest.photographs.samples import BLOCKS
+from matest.photographs.pixels import BLOCKS
+from matest.samples import Tile
 from matest.scene import Camera, Mesh, Scene
 from matest.scene.surface import from_mesh
 from matest.shading import render, shade
@@ -131,14 +132,14 @@ def test_saturated_channels_are_bounds_and_the_others_values(full):
     capture = photograph(scene, full, encoding=Encoding(saturation=0.2), noise=Noise(1e-6, 0.0))
     samples = capture.samples()
     batch = samples.at(0, samples.indices(0))
-    assert batch.clipped.amin() == 0
-    assert samples.skipped["saturated"] == int((batch.clipped == 1).any(1).sum()) > 20
-    assert ((batch.radiance > 0.2) == (batch.clipped == 1)).all()
+    assert batch.noise.clipped.amin() == 0
+    assert samples.skipped["saturated"] == int((batch.noise.clipped == 1).any(1).sum()) > 20
+    assert ((batch.radiance > 0.2) == (batch.noise.clipped == 1)).all()
     step = 1e-6 if full is None else 1 / full
-    assert float(batch.limits.upper) == pytest.approx(0.2, abs=step)
+    assert float(batch.noise.limits.upper) == pytest.approx(0.2, abs=step)
     # The green channel saturates first.
-    assert (batch.clipped[:, 1] > batch.clipped[:, 0]).any()
-    assert (batch.clipped[:, 1] >= batch.clipped[:, 0]).all()
+    assert (batch.noise.clipped[:, 1] > batch.noise.clipped[:, 0]).any()
+    assert (batch.noise.clipped[:, 1] >= batch.noise.clipped[:, 0]).all()
 
 
 def test_a_flat_field_does_not_change_which_pixels_are_saturated():
@@ -173,11 +174,11 @@ def test_the_ends_of_the_range_do_not_bias_the_likelihood(black):
     index = samples.indices(0)
     batch = samples.at(0, index)
     reference = torch.from_numpy(truth[index])
-    response, weight, plain, *_ = batch.working(reference)
+    response, weight, plain, *_ = Tile(batch).about(reference)
     score = weight * (response - reference)
     for near_the_end in (truth[index] > 0.9 - black, truth[index] < 0.15):
         here = torch.from_numpy(near_the_end)
-        clipped = (batch.clipped[here] != 0).double().mean()
+        clipped = (batch.noise.clipped[here] != 0).double().mean()
         assert near_the_end.sum() > 1000
         assert clipped > 0.02 or black
         assert abs(score[here].sum()) < 4 * weight[here].sum().sqrt()
@@ -191,7 +192,7 @@ def test_unshuffled_batches_run_through_the_images_in_order(size):
     samples = photograph(sphere_scene()).samples()
     batches = list(samples.batches(size))
     assert [len(batch) for batch in batches[:-1]] == [size] * (len(batches) - 1)
-    whole = torch.cat([samples.at(image, samples.indices(k)).radiance for k, image in enumerate(samples.images)])
+    whole = torch.cat([samples.at(k, samples.indices(k)).radiance for k in range(len(samples.images))])
     torch.testing.assert_close(torch.cat([batch.radiance for batch in batches]), whole, rtol=0, atol=0)
 
 
@@ -203,7 +204,8 @@ def test_shuffled_batches_hold_every_sample_once(size):
     assert 0 < len(batches[-1]) <= size
     assert sum(map(len, batches)) == len(samples)
     np.testing.assert_array_equal(
-        sorted_rows(*(batch.radiance for batch in batches)), sorted_rows(*(tile.radiance for tile in samples.tiles()))
+        sorted_rows(*(batch.radiance for batch in batches)),
+        sorted_rows(*(tile().batch.radiance for part in samples.tiles(merge=False) for tile in part)),
     )
 
 
@@ -222,7 +224,7 @@ def test_shuffling_mixes_images_with_differing_numbers_of_lights():
     assert (batch.points.ambient[lit == 0] > 0).all()
     assert not batch.points.ambient[lit > 0].any()
     torch.testing.assert_close(batch.points.wi.norm(dim=-1), torch.ones(300, 2))
-    assert batch.cluster is None
+    assert {group // BLOCKS for group in batch.groups.tolist()} == {0, 1, 2}
 
 
 def test_the_seed_decides_the_order():
@@ -236,7 +238,7 @@ def test_each_image_keeps_its_own_noise_in_a_mixed_batch():
     capture = photograph(sphere_scene(), exposures=(1.0, 2.0, 4.0), encoding=Encoding(scale=3.0))
     batch = next(capture.samples().batches(300, shuffle=True))
     expected = {((0.001 * 3 / e) ** 2, 0.0001 * 3 / e) for e in (1.0, 2.0, 4.0)}
-    rows = torch.unique(torch.cat([batch.readout.read, batch.readout.gain], dim=1), dim=0)
+    rows = torch.unique(torch.cat([batch.noise.readout.read, batch.noise.readout.gain], dim=1), dim=0)
     np.testing.assert_allclose(rows.numpy(), sorted(expected), rtol=1e-6)
 
 
@@ -284,10 +286,9 @@ def test_skipped_batches_are_those_at_the_beginning(shuffle):
 
 
 @pytest.mark.parametrize("images", [(0,), (2, 0, 1)])
-def test_clusters_are_blocks_of_the_pixels_of_one_image(images):
+def test_groups_are_blocks_of_the_pixels_of_one_image(images):
     capture = photograph(sphere_scene(size=48))
     samples = capture.samples(images)
-    tiles = list(samples.tiles(20))
     surface = capture.scene.surface
     rows, columns = np.divmod(surface.pixels, 48)
     width = np.ptp(columns) + 1
@@ -296,13 +297,15 @@ def test_clusters_are_blocks_of_the_pixels_of_one_image(images):
         block = (rows[index] - rows.min()) * 4 // width * 4 + (columns[index] - columns.min()) * 4 // width
         labels, sizes = np.unique(position * BLOCKS + block, return_counts=True)
         for label, size in zip(labels, sizes, strict=True):
-            assert sum(len(tile) for tile in tiles if tile.cluster == label) == size
-    assert {tile.cluster // BLOCKS for tile in tiles} == set(range(len(images)))
-    assert sum(map(len, tiles)) == len(samples)
+            assert int((samples.at(position, index).groups == label).sum()) == size
+            assert samples.groups.image[label] == position
+    every = torch.cat([tile().batch.groups for part in samples.tiles(merge=False) for tile in part])
+    assert len(every) == len(samples)
+    assert set(samples.groups.image[every].tolist()) == set(range(len(images)))
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 def test_samples_have_the_precision_asked_for(dtype):
-    batch = next(photograph(sphere_scene()).samples(dtype=dtype).tiles())
-    tensors = (batch.radiance, batch.points.wi, batch.points.wo, batch.points.irradiance, *batch.readout)
+    batch = next(iter(photograph(sphere_scene()).samples(dtype=dtype).tiles()))[0]().batch
+    tensors = (batch.radiance, batch.points.wi, batch.points.wo, batch.points.irradiance, *batch.noise.readout)
     assert {tensor.dtype for tensor in tensors} == {dtype}

@@ -14,7 +14,7 @@ from torch import Tensor, nn
 
 from matest.brdf import Lambert, OrenNayar
 from matest.losses import likelihood
-from matest.photographs.samples import Samples
+from matest.photographs.samples import PhotographSamples
 from matest.samples import Batch
 from matest.training.gradient import GradientFit, fit_gradient
 from matest.training.trainable import Trainable
@@ -54,7 +54,7 @@ OTHERS: dict[str, tuple[str, Callable[[Path], object]]] = {
 }
 
 
-def elsewhere(samples: Samples, path: Path) -> GradientFit:
+def elsewhere(samples: PhotographSamples, path: Path) -> GradientFit:
     return fit_gradient(samples, start(), optimiser=adam, loss=squares, steps=4, batch_size=SIZE, checkpoint=path)
 
 

@@ -8,7 +8,7 @@ import torch
 
 from matest.losses import likelihood, photometric, structural
 from matest.samples import Batch
-from matest.samples.batch import Limits, Readout
+from matest.samples.likelihood import Limits, MeasurementNoise, Readout
 from matest.scene import Points
 
 READ, GAIN = 0.01**2, 0.004
@@ -16,7 +16,8 @@ READ, GAIN = 0.01**2, 0.004
 
 def batch_of(radiance: torch.Tensor) -> Batch:
     points = Points(torch.zeros(1, 1, 3), torch.zeros(1, 3), torch.zeros(1, 1, 1))
-    return Batch(points, radiance, Readout(*(torch.full((1, 1), v, dtype=radiance.dtype) for v in (READ, GAIN))))
+    readout = Readout(*(torch.full((1, 1), v, dtype=radiance.dtype) for v in (READ, GAIN)))
+    return Batch(points, radiance, MeasurementNoise(readout))
 
 
 def random(*shape: int, seed: int = 0) -> torch.Tensor:
@@ -94,7 +95,8 @@ def test_a_clipped_value_counts_with_the_probability_of_being_clipped():
     rendered = torch.tensor([[0.02, 0.4, 0.97]], dtype=torch.float64)
     measured = torch.tensor([[0.0, 0.5, 1.0]], dtype=torch.float64)
     ends = Limits(*(torch.tensor([[end]], dtype=torch.float64) for end in (0.01, 0.95)))
-    batch = replace(batch_of(measured), limits=ends, clipped=torch.tensor([[-1, 0, 1]]))
+    batch = batch_of(measured)
+    batch = replace(batch, noise=replace(batch.noise, limits=ends, clipped=torch.tensor([[-1, 0, 1]])))
     std = (READ + GAIN * rendered).sqrt()
     normal = torch.distributions.Normal(rendered, std)
     below, above = normal.cdf(torch.tensor(0.01))[:, 0], 1 - normal.cdf(torch.tensor(0.95))[:, 2]
@@ -125,7 +127,8 @@ def test_gradients_are_finite_where_only_the_upper_end_clips():
     rendered = torch.tensor([[0.2, 0.5, 2.0]], dtype=torch.float64, requires_grad=True)
     ends = Limits(*(torch.tensor([[end]], dtype=torch.float64) for end in (-math.inf, 0.95)))
     batch = replace(batch_of(torch.tensor([[0.3, 1.0, 1.0]], dtype=torch.float64)), limits=ends)
-    likelihood(rendered, replace(batch, clipped=torch.tensor([[0, 1, 1]]))).backward()
+    noise = replace(batch.noise, clipped=torch.tensor([[0, 1, 1]]))
+    likelihood(rendered, replace(batch, noise=noise)).backward()
     assert torch.isfinite(rendered.grad).all()
     assert rendered.grad[0, 1] < 0
 

@@ -9,15 +9,15 @@ import torch
 from torch import Tensor
 
 from matest.estimators import Problem
+from matest.estimators.basis import product
 from matest.estimators.linear import amplitudes
-from matest.estimators.linearise import product
 from matest.estimators.search import normal_equations
-from matest.photographs.samples import Samples
+from matest.photographs.samples import PhotographSamples
 
 NODES = 64
 
 
-def excess(problem: Problem, unknowns: Tensor, samples: Samples, nodes: int = NODES) -> float:
+def excess(problem: Problem, unknowns: Tensor, samples: PhotographSamples, nodes: int = NODES) -> float:
     """χ² at `unknowns` above the lowest on a grid where every node has its best amplitudes; negative below it.
 
     The likelihood is expanded about the model's radiance for `unknowns`.

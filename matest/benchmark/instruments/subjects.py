@@ -18,7 +18,7 @@ from matest.benchmark.rivals.mitsuba_tutorial import Photographs
 from matest.brdf import Brdf, model
 from matest.capture import Capture
 from matest.estimation.specification import Constraints, specify
-from matest.estimators import AllTiles, Problem, accumulate
+from matest.estimators import Problem, accumulate
 from matest.estimators.covariance import fisher
 from matest.identifiability.forecast import unknowns_at
 from matest.photographs.photometry import Noise
@@ -65,7 +65,7 @@ class Subject:
         problem = self.problem()
         truth = unknowns_at(problem, self.truth)
         samples = self.draw.ideal(CLEAN).samples(dtype=torch.float64)
-        information = accumulate(problem, truth, AllTiles(samples), truth).information
+        information = accumulate(problem, truth, samples.tiles(merge=False), truth).information
         std = fisher(information, torch.ones(problem.size, dtype=torch.bool)).std
         return {name: std[place] for name, place in problem.where.items()}
 

@@ -16,7 +16,7 @@ from matest.brdf import Brdf, LiTorrance, model, preset
 from matest.estimation.specification import Constraints, specify
 from matest.estimators import fit_batches
 from matest.samples import Batch
-from matest.samples.batch import Readout
+from matest.samples.likelihood import MeasurementNoise, Readout
 from matest.scene import Points
 
 # The paper's seconds for a million values, over the coefficients of the four samples.
@@ -154,7 +154,7 @@ def _table(published: LiTorrance) -> Batch:
         radiance = brdf(lights, views) * root
     # So much noise that no value is an outlier: a plain sum of squares.
     read = (radiance.max() / 4).square().reshape(1, 1)
-    return Batch(points, radiance, Readout(read, torch.zeros_like(read)), cluster=0)
+    return Batch(points, radiance, MeasurementNoise(Readout(read, torch.zeros_like(read))))
 
 
 def _without_mirror(brdf: Brdf) -> Brdf:

@@ -13,7 +13,7 @@ from matest.benchmark.instruments.optimum import excess
 from matest.benchmark.instruments.simulated import CLEAN, Conditions, Draw, draw
 from matest.estimation.result import Estimate
 from matest.estimation.specification import Constraints, specify
-from matest.estimators import AllTiles, Problem, accumulate
+from matest.estimators import Problem, accumulate
 from matest.estimators.covariance import fisher
 from matest.identifiability.forecast import unknowns_at
 from matest.workers import single_threaded_torch
@@ -138,7 +138,7 @@ def _trial(drawn: Draw, conditions: Conditions, grid: bool) -> Trial:
     ).problem
     truth = unknowns_at(problem, drawn.material.parameters)
     samples = drawn.ideal(conditions).samples(dtype=torch.float64)
-    information = accumulate(problem, truth, AllTiles(samples), truth).information * (1 - conditions.outliers)
+    information = accumulate(problem, truth, samples.tiles(merge=False), truth).information * (1 - conditions.outliers)
     found = matest.estimate(capture, expression, fix=held)
     above = None
     if grid:

@@ -1,22 +1,22 @@
-"""What light makes of shapes: images whose weighted sum is the radiance of every sample."""
+"""What light makes of the shapes of a model: columns whose weighted sum is the radiance of every sample."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
 from matest.scene import Points
-from matest.shading import interpolate
+from matest.shading import sky_light
 
 # Lights have one colour where their channels differ by one factor to so many roundings.
 _ROUNDINGS = 4
 
 
 @dataclass(frozen=True)
-class Images:
+class Columns:
     """Radiance of n samples at unit coefficient of each of K shapes.
 
     Attributes:
@@ -37,33 +37,37 @@ class Images:
         return (weights @ self.values).permute(1, 2, 0).contiguous()
 
 
-def illuminate(
-    points: Points, shapes: Sequence[Tensor], sky: Sequence[Tensor], coefficients: Tensor | None, channels: int
-) -> Images:
-    """Images of K shapes under the light of n points.
+def light_columns(
+    points: Points,
+    shapes: Sequence[Tensor],
+    sky: Callable[[], Sequence[Tensor]],
+    coefficients: Tensor | None,
+    channels: int,
+) -> Columns:
+    """Columns of K shapes under the light of n points.
 
     Args:
         points: geometry and light.
-        shapes: each [n, L, 1 or C], of every light; or, without sky and coefficients, several sets [S, n, L, 1 or C],
-            whose images follow each other as those of S n samples.
-        sky: each [33, 1 or C], integrated over an even sky; empty where there is no ambient light.
+        shapes: each [n, L, 1 or C], of every light; or, without coefficients, several sets [S, n, L, 1 or C], whose
+            columns follow each other as those of S n samples.
+        sky: gives each shape integrated over an even sky, [33, 1 or C] or [S, 33, 1 or C]; asked where there is one.
         coefficients: of the shapes [C, K]; light whose reflectance is below zero gives nothing. None: all counts.
         channels: C.
     """
+    from_sky = sky_light(points, sky)
     cosines, irradiance = points.wi[..., 2:].clamp(min=0), points.irradiance
-    tint = None if points.ambient is not None else _tint(irradiance, channels)
+    tint = _tint(irradiance, channels) if from_sky is None else None
     light = (irradiance if tint is None else irradiance[..., :1]) * cosines
     stacked = torch.stack(torch.broadcast_tensors(*shapes))
     if coefficients is not None:
         light = light * _positive(stacked, coefficients.to(stacked))
     values = (stacked * light).sum(-2) if light.shape[-2] > 1 else (stacked * light)[..., 0, :]
-    if points.ambient is not None:
-        tables = torch.stack([points.ambient * interpolate(table, points.wo[..., 2:]) for table in sky])
-        values = values + tables
+    if from_sky is not None:
+        values = values + from_sky
     if values.shape[-1] > 1 or tint is None:
         values = values.expand(*values.shape[:-1], channels)
     values = values.flatten(1, -2).permute(2, 0, 1).contiguous()
-    return Images(values, values.new_ones(channels) if tint is None else tint)
+    return Columns(values, values.new_ones(channels) if tint is None else tint)
 
 
 def _positive(shapes: Tensor, coefficients: Tensor) -> Tensor:

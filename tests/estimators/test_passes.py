@@ -5,16 +5,16 @@ from __future__ import annotations
 import pytest
 import torch
 
-from matest.estimators.linearise import accumulate
-from matest.estimators.search import _evaluated, _separated
-from matest.estimators.separable import compress, separates, statistics
+from matest.estimators.basis import separates
+from matest.estimators.passes import accumulate, compress, statistics
+from matest.estimators.search import _evaluated, normal_equations
 from matest.estimators.unknowns import Problem
 from matest.samples import Batch
-from matest.samples.batch import Readout
+from matest.samples.likelihood import MeasurementNoise, Readout
 from matest.samples.tiles import in_memory
 from matest.scene import Points
 from matest.shading import lit_directions
-from tests.estimators.test_linearise import assert_same, samples, tiled, whole
+from tests.estimators.test_basis import assert_same, samples, tiled, whole
 from tests.problems import ordinary, problem
 from tests.sampling import random_pairs
 
@@ -73,7 +73,7 @@ def test_light_whose_fitted_reflectance_is_negative_gives_nothing() -> None:
     # Mirror directions up to 89 degrees: there eq. 14 turns negative.
     wi, wo = random_pairs(400, seed=5)
     one = torch.ones(1, 1, dtype=torch.float64)
-    batch = Batch(Points(wi[:, None], wo, one[None]), 0.1 * wi[:, 2:], Readout(1e-4 * one, 0 * one))
+    batch = Batch(Points(wi[:, None], wo, one[None]), 0.1 * wi[:, 2:], MeasurementNoise(Readout(1e-4 * one, 0 * one)))
     chosen = problem("oren-nayar")
     unknowns = torch.tensor([0.02, 1.3], dtype=torch.float64)
     terms = chosen.material(unknowns).terms(lit_directions(batch.points))
@@ -99,7 +99,7 @@ def test_the_grid_of_the_search_is_the_same_either_way(expression: str) -> None:
     chosen = problem(expression, channels=3)
     points = [ordinary(chosen, seed) for seed in range(4)]
     batches = [whole(samples(0.2))]
-    both = (grid(chosen, batches, points, None) for grid in (_separated, _evaluated))
+    both = (grid(chosen, batches, points, None) for grid in (normal_equations, _evaluated))
     for found, expected in zip(*both, strict=True):
         if isinstance(found, torch.Tensor):
             torch.testing.assert_close(found, expected, rtol=1e-10, atol=1e-10 * float(expected.abs().max()))

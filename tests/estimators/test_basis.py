@@ -12,11 +12,13 @@ from torch import Tensor
 
 from matest import workers
 from matest.brdf import MODELS, variants
-from matest.estimators import Linearisation, Problem, accumulate
-from matest.estimators.moments import SCORES, Statistics
+from matest.estimators import Problem, accumulate
+from matest.estimators.basis import TangentBasis
+from matest.estimators.moments import SCORES
+from matest.estimators.statistics import Statistics
 from matest.photographs.photometry import Noise
-from matest.photographs.samples import Samples
-from matest.samples import Batch
+from matest.photographs.samples import PhotographSamples
+from matest.samples import Batch, Tile
 from matest.shading import shade
 from matest.workers import single_threaded_torch
 from tests.captures import directional
@@ -36,12 +38,12 @@ EQUAL_WEIGHTS = {"torrance-sparrow.specular": "lambert.albedo"}
 TWO_LIGHTS = ((directional((0.6, 0.3, 0.7), 3.0, 2.0, 1.0), directional((-0.5, 0.4, 0.5), 0.5, 1.0, 2.0)),)
 
 
-def samples(ambient: float = 0.0, size: int = 20) -> Samples:
+def samples(ambient: float = 0.0, size: int = 20) -> PhotographSamples:
     studio = Studio(size=size, lights=TWO_LIGHTS, ambient=ambient)
     return studio.photograph(MODELS["lambert"](albedo=0.5), seed=5).samples(dtype=torch.float64)
 
 
-def whole(chosen: Samples) -> Batch:
+def whole(chosen: PhotographSamples) -> Batch:
     return chosen.at(0, chosen.indices(0))
 
 
@@ -49,9 +51,15 @@ def shaded(chosen: Problem, unknowns: Tensor, batch: Batch) -> Tensor:
     return shade(chosen.material(unknowns), batch.points).expand_as(batch.radiance)
 
 
+def radiance_and_jacobian(basis: TangentBasis, batch: Batch) -> tuple[Tensor, Tensor]:
+    """Model radiance [n, C], and its derivatives by the free parameters of each channel [Q, n, C]."""
+    columns = basis.columns(Tile(batch))
+    return columns.radiance(basis.coefficients), columns.mixed(basis.slopes.mT)
+
+
 def assert_derivatives(chosen: Problem, unknowns: Tensor, batch: Batch) -> None:
     """Radiance equals the shader's, and the Jacobian its central differences, of every unknown."""
-    radiance, jacobian = Linearisation(chosen, unknowns).radiance_and_jacobian(batch)
+    radiance, jacobian = radiance_and_jacobian(TangentBasis(chosen, unknowns), batch)
     peak = float(radiance.max())
     torch.testing.assert_close(radiance, shaded(chosen, unknowns, batch), rtol=ROUNDING, atol=ROUNDING * peak)
     for position, label in enumerate(chosen.labels):
@@ -110,7 +118,7 @@ def test_fixed_parameters_enter_the_radiance_and_not_the_jacobian() -> None:
 def test_a_problem_without_unknowns_has_radiance_and_an_empty_jacobian() -> None:
     chosen = problem("lambert", channels=3, fix={"albedo": 0.3})
     batch, nothing = whole(samples()), torch.zeros(0, dtype=torch.float64)
-    radiance, jacobian = Linearisation(chosen, nothing).radiance_and_jacobian(batch)
+    radiance, jacobian = radiance_and_jacobian(TangentBasis(chosen, nothing), batch)
     assert jacobian.shape == (0, *batch.radiance.shape)
     torch.testing.assert_close(radiance, shaded(chosen, nothing, batch))
 
@@ -126,7 +134,7 @@ def test_steep_facets_under_two_lights_are_shaded_as_the_shader_does() -> None:
     cut = chosen.material(unknowns)(batch.points.wi[:, 0], batch.points.wo)[:, 0] == 0
     assert bool((lit & cut).any())
     torch.testing.assert_close(
-        Linearisation(chosen, unknowns).radiance(batch), shaded(chosen, unknowns, batch), rtol=1e-9, atol=1e-12
+        TangentBasis(chosen, unknowns).radiance(batch), shaded(chosen, unknowns, batch), rtol=1e-9, atol=1e-12
     )
 
 
@@ -134,16 +142,26 @@ def test_steep_facets_under_two_lights_are_shaded_as_the_shader_does() -> None:
 def test_a_batch_is_evaluated_as_its_parts_are(ambient: float) -> None:
     chosen = problem("oren-nayar+cook-torrance", channels=3)
     batch = whole(samples(ambient))
-    at = Linearisation(chosen, ordinary(chosen, seed=7))
-    radiance, jacobian = at.radiance_and_jacobian(batch)
-    parts = [at.radiance_and_jacobian(batch[start : start + 37]) for start in range(0, len(batch), 37)]
+    at = TangentBasis(chosen, ordinary(chosen, seed=7))
+    radiance, jacobian = radiance_and_jacobian(at, batch)
+    parts = [radiance_and_jacobian(at, batch[start : start + 37]) for start in range(0, len(batch), 37)]
     torch.testing.assert_close(torch.cat([part[0] for part in parts]), radiance, rtol=ROUNDING, atol=0)
     torch.testing.assert_close(torch.cat([part[1] for part in parts], 1), jacobian, rtol=ROUNDING, atol=ROUNDING)
 
 
-def tiled(chosen: Samples, size: int) -> list[list[Callable[[], Batch]]]:
-    """The tiles of every image."""
-    return [[partial(chosen.at, *piece) for piece in chosen.pieces(k, size)] for k in range(len(chosen.images))]
+def tiled(chosen: PhotographSamples, size: int) -> list[list[Callable[[], Tile]]]:
+    """Tiles of so many samples of every image, each of pixels of one block after another."""
+    tiles = []
+    for position in range(len(chosen.images)):
+        index = chosen.indices(position)
+        index = index[np.argsort(chosen.blocks[index], kind="stable")]
+        starts = range(0, len(index), size)
+        tiles.append([partial(tile, chosen, position, index[start : start + size]) for start in starts])
+    return tiles
+
+
+def tile(chosen: PhotographSamples, position: int, index: np.ndarray) -> Tile:
+    return Tile(chosen.at(position, index))
 
 
 def assert_same(found: Statistics, expected: Statistics, residual: bool = True) -> None:
@@ -203,7 +221,7 @@ def test_blocks_of_one_image_can_be_joined() -> None:
     assert images.labels.tolist() == [0, 1]
     torch.testing.assert_close(images.information, blocks.information)
     for image in range(2):
-        alone = accumulate(chosen, unknowns, [[partial(pixels.at, image, pixels.indices(image))]], unknowns)
+        alone = accumulate(chosen, unknowns, [[partial(tile, pixels, image, pixels.indices(image))]], unknowns)
         own = dict(zip(SCORES, images.scores[image].tolist(), strict=True))
         assert own["samples"] == len(pixels.indices(image))
         assert own["chi2"] == pytest.approx(alone.total("chi2"), rel=1e-5)
@@ -213,15 +231,15 @@ def test_statistics_are_those_of_the_dense_matrices() -> None:
     chosen = problem("oren-nayar+torrance-sparrow", channels=3, tie=COMMON_SIGMA)
     unknowns, reference = ordinary(chosen, seed=11), ordinary(chosen, seed=12)
     batch = whole(samples(0.2))
-    radiance, parts = Linearisation(chosen, unknowns).radiance_and_jacobian(batch)
+    radiance, parts = radiance_and_jacobian(TangentBasis(chosen, unknowns), batch)
     jacobian = torch.einsum("cqp,qnc->ncp", chosen.selectors, parts).reshape(-1, chosen.size)
-    expected = Linearisation(chosen, reference).radiance(batch)
+    expected = TangentBasis(chosen, reference).radiance(batch)
     noise = Noise(0.002, 0.0005)
     weight = 1 / (noise.read**2 + noise.gain * expected).reshape(-1)
     residual = (batch.radiance - radiance).reshape(-1)
 
     # So large a misfit that nothing is an outlier.
-    found = accumulate(chosen, unknowns, [[lambda: batch]], reference, misfit=1e6)
+    found = accumulate(chosen, unknowns, [[lambda: Tile(batch)]], reference, residual_scale=1e6)
     torch.testing.assert_close(found.information, jacobian.T @ (weight[:, None] * jacobian), rtol=1e-11, atol=0)
     gradient = jacobian.T @ (weight * residual)
     torch.testing.assert_close(found.gradient, gradient, rtol=1e-9, atol=1e-9 * float(gradient.abs().max()))
@@ -230,7 +248,7 @@ def test_statistics_are_those_of_the_dense_matrices() -> None:
     assert found.total("squared_signal") == pytest.approx(float((batch.radiance**2).sum()))
     assert found.total("values") == 3 * len(batch)
     assert found.total("samples") == len(batch)
-    assert found.misfit == pytest.approx(max(found.total("chi2") / (3 * len(batch)), 1.0))
+    assert found.inflation == pytest.approx(max(found.total("chi2") / (3 * len(batch)), 1.0))
 
 
 def test_weights_without_a_reference_are_those_of_the_median_radiance() -> None:
@@ -239,17 +257,17 @@ def test_weights_without_a_reference_are_those_of_the_median_radiance() -> None:
     batch = whole(samples())
     residual = batch.radiance - shaded(chosen, unknowns, batch)
     variance = 0.002**2 + 0.0005 * batch.radiance.median(dim=0).values.clamp(min=0)
-    found = accumulate(chosen, unknowns, [[lambda: batch]], None)
+    found = accumulate(chosen, unknowns, [[lambda: Tile(batch)]], None)
     assert found.total("chi2") == pytest.approx(float((residual**2 / variance).sum()))
 
 
-def test_misfit_is_never_below_one() -> None:
+def test_inflation_is_never_below_one() -> None:
     chosen = problem("lambert", channels=3, fix={"albedo": 0.5})
     nothing = torch.zeros(0, dtype=torch.float64)
     clean = Studio(size=20, lights=TWO_LIGHTS).photograph(MODELS["lambert"](albedo=0.5))
     found = accumulate(chosen, nothing, tiled(clean.samples(dtype=torch.float64), 100), nothing)
     assert found.total("chi2") < 1e-3
-    assert found.misfit == 1.0
+    assert found.inflation == 1.0
 
 
 def test_torch_gets_its_threads_back_even_after_an_error() -> None:

@@ -8,35 +8,35 @@ import pytest
 import torch
 from torch import Tensor
 
-from matest.samples import Batch
-from matest.samples.batch import Limits, Readout
+from matest.samples import Batch, Tile
+from matest.samples.likelihood import Limits, MeasurementNoise, Readout
 from matest.scene import Points
 
 READ, GAIN = 0.02, 0.01
 DOUBLE = torch.float64
 
 
-def batch(radiance: Tensor, clipped: Tensor | None = None) -> Batch:
+def tile(radiance: Tensor, clipped: Tensor | None = None) -> Tile:
     up = torch.tensor([0.0, 0.0, 1.0], dtype=DOUBLE).expand(len(radiance), 3)
     points = Points(up[:, None], up, torch.ones(len(radiance), 1, 1, dtype=DOUBLE))
     noise = Readout(*(torch.tensor([[value]], dtype=DOUBLE) for value in (READ**2, GAIN)))
     limits = Limits(*(torch.tensor([[value]], dtype=DOUBLE) for value in (0.0, 1.0)))
-    return Batch(points, radiance, noise, limits, clipped)
+    return Tile(Batch(points, radiance, MeasurementNoise(noise, limits, clipped)))
 
 
 @pytest.mark.parametrize(("side", "limit"), [(-1, 0.0), (1, 1.0)])
 def test_a_clipped_value_has_the_score_and_curvature_of_its_likelihood(side: int, limit: float) -> None:
     reference = limit + torch.linspace(-0.5, 0.5, 41, dtype=DOUBLE)[:, None]
-    clipped = batch(torch.full_like(reference, limit), torch.full_like(reference, side, dtype=torch.int8))
+    clipped = tile(torch.full_like(reference, limit), torch.full_like(reference, side, dtype=torch.int8))
     # The noise is that at the reference.
-    std = clipped.variance(reference).sqrt()
+    std = clipped.batch.variance(reference).sqrt()
     believed = (side * (reference - limit) / std > -4)[:, 0]
     assert 0 < believed.sum() < len(believed)
     mean = reference.clone().requires_grad_()
     log_likelihood = torch.special.log_ndtr(side * (mean - limit) / std)
     (score,) = torch.autograd.grad(log_likelihood.sum(), mean, create_graph=True)
     (curvature,) = torch.autograd.grad(score.sum(), mean)
-    response, weight, plain, *_ = clipped.working(reference)
+    response, weight, plain, *_ = clipped.about(reference)
     torch.testing.assert_close(weight[believed], -curvature[believed], rtol=1e-6, atol=1e-9)
     torch.testing.assert_close((weight * (response - reference))[believed], score.detach()[believed])
     rejected = (side * (reference - limit) / std < -6)[:, 0]
@@ -50,34 +50,36 @@ def test_a_clipped_value_has_the_score_and_curvature_of_its_likelihood(side: int
 def test_a_clipped_value_however_far_from_the_reference_is_a_finite_problem(side: int, reference: float) -> None:
     about = torch.tensor([[reference]])
     limits = Limits(torch.zeros(1, 1), torch.ones(1, 1))
-    values = batch(torch.full((1, 1), 0.5 + 0.5 * side), torch.full((1, 1), side, dtype=torch.int8))
-    values = replace(values, readout=Readout(torch.full((1, 1), 1e-6), torch.zeros(1, 1)), limits=limits)
-    response, weight, *_ = values.working(about)
+    values = tile(torch.full((1, 1), 0.5 + 0.5 * side), torch.full((1, 1), side, dtype=torch.int8))
+    noise = replace(values.batch.noise, readout=Readout(torch.full((1, 1), 1e-6), torch.zeros(1, 1)), limits=limits)
+    response, weight, *_ = Tile(replace(values.batch, noise=noise)).about(about)
     assert bool(torch.isfinite(response).all())
     assert float(weight * (response - about)) == 0
 
 
 def test_outliers_have_no_weight_and_ordinary_noise_all_of_it() -> None:
     reference = torch.full((5, 1), 0.5, dtype=DOUBLE)
-    std = float(batch(reference).variance(reference[:1]).sqrt())
+    std = float(tile(reference).batch.variance(reference[:1]).sqrt())
     offsets = torch.tensor([[0.0], [3.9], [5.0], [6.1], [-40.0]], dtype=DOUBLE)
-    values = batch(reference + std * offsets)
-    response, weight, plain, *_ = values.working(reference)
-    torch.testing.assert_close(response, values.radiance)
+    values = tile(reference + std * offsets)
+    response, weight, plain, *_ = values.about(reference)
+    torch.testing.assert_close(response, values.batch.radiance)
     torch.testing.assert_close(weight[:, 0] * std**2, torch.tensor([1, 1, 0.5, 0, 0], dtype=DOUBLE))
     assert plain.all()
     # Where the model misses everything by as much, these are no outliers.
-    torch.testing.assert_close(values.working(reference, misfit=12.0).weight * std**2, torch.ones(5, 1, dtype=DOUBLE))
+    torch.testing.assert_close(
+        values.about(reference, residual_scale=12.0).weight * std**2, torch.ones(5, 1, dtype=DOUBLE)
+    )
 
 
 def test_values_that_might_have_been_clipped_do_not_judge_the_fit() -> None:
     reference = torch.tensor([[0.01], [0.5], [0.9], [1.2]], dtype=DOUBLE)
-    assert batch(reference).working(reference).plain[:, 0].tolist() == [False, True, False, False]
+    assert tile(reference).about(reference).plain[:, 0].tolist() == [False, True, False, False]
 
 
 def test_a_first_guess_takes_clipped_values_as_measured() -> None:
     radiance = torch.tensor([[0.0, 0.5, 1.0]], dtype=DOUBLE)
-    response, weight, plain, *_ = batch(radiance, torch.tensor([[-1, 0, 1]])).measured()
+    response, weight, plain, *_ = tile(radiance, torch.tensor([[-1, 0, 1]])).first_guess()
     torch.testing.assert_close(response, radiance)
     torch.testing.assert_close(weight, 1 / (READ**2 + GAIN * radiance))
     assert plain.all()

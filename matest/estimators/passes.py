@@ -1,0 +1,145 @@
+"""Passes over samples, and the additive statistics that they leave behind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import torch
+from torch import Tensor
+
+from matest.estimators.basis import Basis, SeparatedBasis, TangentBasis, coefficients, separates
+from matest.estimators.columns import Columns
+from matest.estimators.compressed import Compressed
+from matest.estimators.moments import Moments, joined, moments, nothing
+from matest.estimators.statistics import Statistics
+from matest.estimators.unknowns import Problem
+from matest.samples import Batch, Tile, Tiles
+from matest.workers import walk
+
+# Statistics at any unknowns.
+Evaluate = Callable[[Tensor], Statistics]
+
+
+def accumulate(
+    problem: Problem, unknowns: Tensor, tiles: Tiles, reference: Tensor | None, residual_scale: float = 1.0
+) -> Statistics:
+    """One pass: the additive statistics at `unknowns`.
+
+    Tiles are fetched and worked on by one thread per processor, and added up in their order: the result does not
+    depend on the number of threads.
+
+    Args:
+        problem: what is estimated.
+        unknowns: u [P], float64.
+        tiles: groups of functions that give a tile each; a group is worked on at once.
+        reference: the likelihood is expanded about the model's radiance for these unknowns (`likelihood.about`); None:
+            about the measured radiance, for a first guess.
+        residual_scale: see `likelihood.about`.
+    """
+    here = TangentBasis(problem, unknowns)
+    same = reference is not None and torch.equal(reference, unknowns)
+    there = None if reference is None or same else TangentBasis(problem, reference, derivatives=False)
+
+    def expand(tile: Tile) -> tuple[Columns, Tensor, Tensor | None]:
+        columns = here.columns(tile)
+        radiance = here.radiance_of(columns, tile.batch)
+        if reference is None or tile.least_squares is not None:
+            return columns, radiance, None
+        return columns, radiance, there.radiance(tile.batch) if there else radiance
+
+    compressed = _collect(tiles, expand, here, residual_scale)
+    return compressed.statistics(problem, unknowns, here.coefficients, here.slopes)
+
+
+def compress(
+    problem: Problem, tiles: Tiles, origin: Tensor | None, reference: Tensor | None, residual_scale: float = 1.0
+) -> Compressed:
+    """One pass over the samples of a problem that `separates`, which serves all unknowns.
+
+    Args:
+        problem: what is estimated.
+        tiles: as in `accumulate`.
+        origin: u [P] near the optimum, from which residuals are taken: they keep their digits. Light whose reflectance
+            there is below zero gives nothing. None: the measured radiance itself.
+        reference: the likelihood is expanded about the model's radiance for these unknowns; None: about the measured.
+        residual_scale: see `likelihood.about`.
+    """
+    here = SeparatedBasis(problem, origin)
+    there = here
+    if reference is not None and (origin is None or not torch.equal(reference, origin)):
+        there = SeparatedBasis(problem, reference)
+
+    def expand(tile: Tile) -> tuple[Columns, Tensor, Tensor | None]:
+        columns = here.columns(tile)
+        radiance = torch.zeros_like(tile.batch.radiance) if origin is None else here.radiance_of(columns, tile.batch)
+        if reference is None:
+            return columns, radiance, None
+        return columns, radiance, radiance if there is here else there.radiance_of(columns, tile.batch)
+
+    return _collect(tiles, expand, here, residual_scale)
+
+
+def statistics(problem: Problem, compressed: Compressed, unknowns: Tensor) -> Statistics:
+    """What a pass over the samples at u [P] would give."""
+    at = coefficients(problem, unknowns)
+    return compressed.statistics(problem, unknowns, at.total, at.slopes)
+
+
+def passes_over(
+    problem: Problem, tiles: Tiles, origin: Tensor, reference: Tensor | None, residual_scale: float
+) -> Evaluate:
+    """Statistics at any unknowns near `origin`: by a pass each, or from a single one where the model separates.
+
+    Arguments are those of `compress`.
+    """
+    if separates(problem):
+        return partial(statistics, problem, compress(problem, tiles, origin, reference, residual_scale))
+    return partial(accumulate, problem, tiles=tiles, reference=reference, residual_scale=residual_scale)
+
+
+def radiances(problem: Problem, unknowns: Tensor) -> Callable[[Tile], Tensor]:
+    """The model's radiance [n, C] of any tile at u [P]."""
+    basis: Basis
+    if separates(problem):
+        basis = SeparatedBasis(problem, unknowns)
+    else:
+        basis = TangentBasis(problem, unknowns, derivatives=False)
+    return lambda tile: basis.radiance_of(basis.columns(tile), tile.batch)
+
+
+def _collect(
+    tiles: Tiles, expand: Callable[[Tile], tuple[Columns, Tensor, Tensor | None]], basis: Basis, residual_scale: float
+) -> Compressed:
+    """One walk over the samples.
+
+    Args:
+        tiles: as in `accumulate`.
+        expand: gives the columns of a tile, the radiance [n, C] that residuals are taken from, and the radiance that
+            the likelihood is expanded about (None: the measured).
+        basis: whose radiance the former is.
+        residual_scale: see `likelihood.about`.
+    """
+
+    def work(get: Callable[[], Tile]) -> list[Moments]:
+        with torch.no_grad():
+            parts, tile = [], get()
+            columns, radiance, reference = expand(tile)
+            if tile.merged is not None and reference is not None:
+                tile, finer = tile.merged.judge(tile, reference, residual_scale)
+                if finer is not None:
+                    parts = work(lambda: finer)
+            problem = tile.least_squares
+            if problem is None:
+                problem = tile.first_guess() if reference is None else tile.about(reference, residual_scale)
+            return [*parts, moments(columns, problem, problem.response - radiance, tile.batch.groups)]
+
+    total = joined([nothing(*basis.coefficients.shape), *walk(tiles, work)])
+    return Compressed(basis.coefficients, basis.exposure, total)
+
+
+def predicted(problem: Problem, unknowns: Tensor, batch: Batch) -> Tensor:
+    """The model's radiance [n, C] of a batch at u [P]."""
+    model = radiances(problem, unknowns)
+    with torch.no_grad():
+        return model(Tile(batch))

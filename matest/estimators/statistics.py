@@ -1,0 +1,154 @@
+"""Additive statistics of a pass over samples: what is known of the unknowns near a point, group by group."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from matest.estimators.moments import SCORES, by_label, raised
+
+
+@dataclass(frozen=True, eq=False)
+class PriorTerms:
+    """What Gaussian priors say of the unknowns u [P] at a point: they add to the sums over the samples.
+
+    Attributes:
+        precision: inverse variance of each unknown, 0 where there is no prior [P].
+        pull: precision times how far the point lies below the mean [P].
+    """
+
+    precision: Tensor
+    pull: Tensor
+
+    @property
+    def cost(self) -> float:
+        """Squared distance from the means, in standard deviations."""
+        held = self.precision > 0
+        return float((self.pull[held].square() / self.precision[held]).sum())
+
+    def moved(self, change: Tensor) -> PriorTerms:
+        """The same where the unknowns have changed by this [P]."""
+        return replace(self, pull=self.pull - self.precision * change)
+
+
+@dataclass(frozen=True, eq=False)
+class Statistics:
+    """Additive statistics of a pass over B groups of samples, double precision.
+
+    A group touches Q of the P unknowns: of blocks on the axis of images only its own image's. `places` says which.
+
+    Attributes:
+        labels: of the groups [B].
+        informations: JᵀWJ of each [B, Q, Q].
+        gradients: JᵀWr of each [B, Q].
+        scores: of the residual of each [B, 8], see `SCORES`.
+        places: positions in u of the Q unknowns of each group [B, Q]; None: all P, in their order.
+        prior: what is known of the unknowns beside the samples; None: nothing.
+        unknowns: P; None: Q.
+    """
+
+    labels: Tensor
+    informations: Tensor
+    gradients: Tensor
+    scores: Tensor
+    places: Tensor | None = None
+    prior: PriorTerms | None = None
+    unknowns: int | None = None
+
+    def __len__(self) -> int:
+        return len(self.labels)
+
+    def column(self, name: str) -> Tensor:
+        """One of the `SCORES` of every group [B]."""
+        return self.scores[:, SCORES.index(name)]
+
+    def total(self, name: str) -> float:
+        """The sum of one of the `SCORES`."""
+        return float(self.column(name).sum())
+
+    @property
+    def cost(self) -> float:
+        """What a fit minimises: rᵀWr of all values, and the squared distance from the priors."""
+        return self.total("cost") + (0.0 if self.prior is None else self.prior.cost)
+
+    @property
+    def reduced_chi2(self) -> float:
+        """χ² per value."""
+        return self.total("chi2") / max(self.total("values"), 1)
+
+    @property
+    def inflation(self) -> float:
+        """χ² per value, at least 1: how much larger the squared residuals are than the noise variance."""
+        return max(self.reduced_chi2, 1.0)
+
+    @property
+    def outliers(self) -> float:
+        """Share of outliers among the values that a goodness of fit is judged by."""
+        rejected = self.total("outliers")
+        return rejected / max(rejected + self.total("values"), 1)
+
+    @property
+    def relative_rmse(self) -> float:
+        """Rms residual over rms signal; 0 without signal."""
+        signal = self.total("squared_signal")
+        return math.sqrt(self.total("squared_residual") / signal) if signal > 0 else 0.0
+
+    @property
+    def size(self) -> int:
+        """P, the number of unknowns."""
+        return self.gradients.shape[1] if self.unknowns is None else self.unknowns
+
+    @property
+    def information(self) -> Tensor:
+        """JᵀWJ of all samples, and the precision of the priors [P, P]."""
+        if self.places is None:
+            total = self.informations.sum(0)
+        else:
+            total = torch.zeros(self.size, self.size, dtype=torch.float64)
+            total.index_put_((self.places[:, :, None], self.places[:, None, :]), self.informations, accumulate=True)
+        return total if self.prior is None else total + self.prior.precision.diag()
+
+    @property
+    def gradient(self) -> Tensor:
+        """JᵀWr of all samples, and the pull of the priors [P]."""
+        if self.places is None:
+            total = self.gradients.sum(0)
+        else:
+            total = torch.zeros(self.size, dtype=torch.float64)
+            total.index_put_((self.places,), self.gradients, accumulate=True)
+        return total if self.prior is None else total + self.prior.pull
+
+    def only(self, position: int) -> Statistics:
+        """Those of one of the B groups, without the priors."""
+        row = slice(position, position + 1)
+        places = None if self.places is None else self.places[row]
+        return Statistics(
+            self.labels[row], self.informations[row], self.gradients[row], self.scores[row], places, None, self.unknowns
+        )
+
+    def moved(self, change: Tensor) -> Statistics:
+        """What a pass would give if the unknowns changed by this [P] and the model were linear in them.
+
+        The squared residual stays as it is.
+        """
+        own = change.expand(len(self), -1) if self.places is None else change[self.places]
+        pulled = (self.informations @ own[..., None])[..., 0]
+        rises = ((pulled - 2 * self.gradients) * own).sum(-1)
+        prior = None if self.prior is None else self.prior.moved(change)
+        return replace(self, gradients=self.gradients - pulled, scores=raised(self.scores, rises), prior=prior)
+
+    def regrouped(self, coarser: Tensor) -> Statistics:
+        """The same statistics with groups joined; `coarser` [G] has the new label of every group.
+
+        Groups that are joined must touch the same unknowns: those of one image do.
+        """
+        labels = coarser[self.labels]
+        new, informations, gradients, scores = by_label(labels, self.informations, self.gradients, self.scores)
+        places = self.places
+        if places is not None:
+            first = torch.stack([(labels == label).nonzero()[0, 0] for label in new])
+            places = places[first]
+        return Statistics(new, informations, gradients, scores, places, self.prior, self.unknowns)

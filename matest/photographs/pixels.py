@@ -1,0 +1,221 @@
+"""The usable pixels of photographs: which they are, their geometry, and their measured radiance with its noise."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import cv2
+import numpy as np
+import torch
+from torch import Tensor
+
+from matest.directions import dot
+from matest.photographs.photometry import as_tensor, rounding
+from matest.samples.batch import Batch
+from matest.samples.likelihood import Limits, MeasurementNoise, Readout
+from matest.scene import Points
+
+if TYPE_CHECKING:
+    from matest.capture.capture import Capture
+
+# Where cast shadows are unknown, a pixel counts only where its surroundings are this much read noise above black.
+# Rounding counts with that of mid-tones, a quarter of that of white.
+_DARK, _MIDDLE = 3.0, 0.25
+# Blocks of pixels, whose errors may be correlated, across and down an image.
+_BLOCKS_ACROSS = 4
+BLOCKS = _BLOCKS_ACROSS**2
+
+
+class _Selection(NamedTuple):
+    """Which pixels of each image are usable, one bit each, and what was skipped.
+
+    Attributes:
+        usable: per image, packed bits [N].
+        counts: usable pixels per image.
+        skipped: number of pixels left out, by reason.
+    """
+
+    usable: list[np.ndarray]
+    counts: list[int]
+    skipped: dict[str, int]
+
+
+class LitPixels:
+    """The usable pixels of some images of a capture.
+
+    Left out, and counted in `skipped`: background, shadowed (attached and cast, with the edge of cast shadows; on a
+    surface known by its normals alone also what is too dark for the sensor), rim (pixels that may mix object and
+    background). Counted as saturated, but not left out: a channel that is says that its radiance is at least so high.
+    """
+
+    def __init__(
+        self, capture: Capture, images: tuple[int, ...], dtype: torch.dtype, device: torch.device | str
+    ) -> None:
+        self.capture = capture
+        self.images = images
+        self.dtype = dtype
+        self.device = device
+
+    @cached_property
+    def _selection(self) -> _Selection:
+        surface = self.capture.scene.surface
+        background = surface.shape[0] * surface.shape[1] - len(surface)
+
+        def select(image: int) -> tuple[np.ndarray, int, int]:
+            usable = ~surface.rim
+            dark = usable & (self._dark(image) | ~self._lit(image))
+            usable &= ~dark
+            saturated = self._saturated(image)
+            self.capture.release(image)
+            return np.packbits(usable), int(dark.sum()), 0 if saturated is None else int((usable & saturated).sum())
+
+        with ThreadPoolExecutor() as pool:
+            usable_bits, dark, saturated = (list(column) for column in zip(*pool.map(select, self.images), strict=True))
+        skipped = {
+            "background": background * len(self.images),
+            "shadowed": sum(dark),
+            "saturated": sum(saturated),
+            "rim": int(surface.rim.sum()) * len(self.images),
+            "redundant": 0,
+        }
+        counts = [int(np.bitwise_count(bits).sum()) for bits in usable_bits]
+        return _Selection(usable_bits, counts, skipped)
+
+    def _saturated(self, image: int) -> np.ndarray | None:
+        """Pixels with a saturated channel [N]; None where there are none."""
+        stored, saturated = self.capture.stored[image], self.capture.encoding.saturated
+        if not saturated(stored.max(keepdims=True, initial=0)).any():
+            return None
+        return np.asarray(saturated(stored).any(axis=1))
+
+    def _lit(self, image: int) -> np.ndarray:
+        """True where some light, or ambient light, reaches the pixel, and no shadow edge crosses it."""
+        scene = self.capture.scene
+        surface = scene.surface
+        lit = np.full(len(surface), bool((scene.ambient[image] > 0).any()))
+        shadows = scene.shadows[image] if scene.shadows else None
+        normals = surface.normals_as(torch.float32)
+        positions = scene.near_positions(image)
+        positions = None if positions is None else positions.float()
+        for number, light in enumerate(scene.lights[image]):
+            toward, _ = light.to(torch.float32, "cpu").at(positions)
+            faces = (dot(normals, toward) > 0).numpy()
+            lit |= faces if shadows is None else faces & ~shadows[number]
+        edge = scene.shadow_edge[image] if scene.shadow_edge else None
+        return lit if edge is None else lit & ~edge
+
+    def _dark(self, image: int) -> np.ndarray:
+        """True where no channel is above the noise: in shadow, where nothing says which pixels are [N].
+
+        Judged by the mean of 3×3 pixels: chosen by the noisy pixel itself, what is left over would be biased.
+        """
+        capture = self.capture
+        surface = capture.scene.surface
+        if surface.mesh is not None or surface.convex:
+            return np.zeros(len(surface), dtype=bool)
+        signal = surface.image(capture.encoding.signal(capture.stored[image], slice(None)).astype(np.float32))
+        mean = cv2.blur(signal, (3, 3)).reshape(-1, capture.channels)[surface.pixels]
+        codes = capture.stored[image].dtype
+        typical = float(rounding(capture.encoding, codes)[0] * _MIDDLE)
+        return (mean < _DARK * math.hypot(capture.noise.read, math.sqrt(typical))).all(axis=1)
+
+    @property
+    def skipped(self) -> dict[str, int]:
+        return dict(self._selection.skipped)
+
+    @property
+    def counts(self) -> list[int]:
+        """Number of usable pixels of each image."""
+        return self._selection.counts
+
+    def __len__(self) -> int:
+        return sum(self.counts)
+
+    def usable(self, position: int) -> np.ndarray:
+        """Whether each pixel of the surface is usable in the image at `position` in `images` [N]."""
+        count = len(self.capture.scene.surface)
+        return np.unpackbits(self._selection.usable[position], count=count).view(bool)
+
+    def indices(self, position: int) -> np.ndarray:
+        """Usable pixels (indices into the surface) of the image at `position` in `images`."""
+        return np.flatnonzero(self.usable(position))
+
+    def at(self, position: int, index: np.ndarray) -> Batch:
+        """The samples of the image at `position` in `images` at some pixels."""
+        image = self.images[position]
+        return Batch(
+            points=self.points(image, index),
+            radiance=self.radiance(image, index),
+            noise=self.noise(image, index),
+            pixels=torch.from_numpy(index.astype(np.int64)).to(self.device),
+            groups=self.labels(position, index),
+        )
+
+    def labels(self, position: int, index: np.ndarray) -> Tensor:
+        """Group of some pixels of the image at `position`, int64 [n]."""
+        return torch.from_numpy(position * BLOCKS + self.blocks[index].astype(np.int64))
+
+    def noise(self, image: int, index: np.ndarray) -> MeasurementNoise:
+        """Noise of some pixels of an image."""
+        return MeasurementNoise(self.readout(image, index), self.limits(image, index), self.clipped(image, index))
+
+    def points(self, image: int, index: np.ndarray) -> Points:
+        """Geometry and light of some pixels of an image."""
+        chosen = torch.from_numpy(index.astype(np.int64))
+        return self.capture.scene.points(image, chosen, dtype=self.dtype, device=self.device)
+
+    def radiance(self, image: int, index: np.ndarray) -> Tensor:
+        """Measured radiance of some pixels of an image [n, C]."""
+        return as_tensor(self.capture.radiance(image, index), self.dtype, self.device)
+
+    def clipped(self, image: int, index: np.ndarray) -> Tensor | None:
+        """Which values are clipped, as in `Batch`."""
+        stored = np.take(self.capture.stored[image], index, axis=0)
+        black = stored.dtype.kind == "u" and stored.min(initial=1) == 0
+        if not black and not self.capture.encoding.saturated(stored.max(axis=0, keepdims=True, initial=0)).any():
+            return None
+        clipped = self.capture.encoding.saturated(stored).astype(np.int8)
+        if black:
+            clipped -= stored == 0
+        return torch.from_numpy(clipped).to(self.device)
+
+    def limits(self, image: int, index: np.ndarray) -> Limits | None:
+        """Radiance at which some pixels of an image clip; None where none do."""
+        capture = self.capture
+        ends = capture.encoding.limits(capture.stored[image].dtype, index)
+        if ends is None:
+            return None
+        scale = capture.encoding.scale / capture.exposures[image]
+        return Limits(*(as_tensor(end * scale, self.dtype, self.device) for end in ends))
+
+    def readout(self, image: int, index: np.ndarray) -> Readout:
+        """Noise of some pixels of an image."""
+        capture = self.capture
+        flat = capture.encoding.flat
+        scale = np.full((1, 1), capture.encoding.scale / capture.exposures[image])
+        if flat is not None:
+            scale = scale / flat[index]
+        rounded, power = rounding(capture.encoding, capture.stored[image].dtype)
+        values = (
+            (capture.noise.read * scale) ** 2,
+            capture.noise.gain * scale,
+            rounded * scale ** (2 - power),
+            np.full((1, 1), power),
+        )
+        return Readout(*(as_tensor(value, self.dtype, self.device) for value in values))
+
+    @cached_property
+    def blocks(self) -> np.ndarray:
+        """The block of the object's bounding box that each pixel of the surface lies in [N]."""
+        surface = self.capture.scene.surface
+        rows, columns = np.divmod(surface.pixels, surface.shape[1])
+        return (_cell(rows) * _BLOCKS_ACROSS + _cell(columns)).astype(np.uint8)
+
+
+def _cell(coordinate: np.ndarray) -> np.ndarray:
+    """Which of `_BLOCKS_ACROSS` equal stretches of the object each coordinate falls into."""
+    low, span = coordinate.min(), np.ptp(coordinate) + 1
+    return (coordinate - low) * _BLOCKS_ACROSS // span

@@ -1,0 +1,53 @@
+"""The samples of photographs tile by tile."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+
+from matest.photographs.patches import Patches
+from matest.photographs.pixels import LitPixels
+from matest.samples.batch import join
+from matest.samples.tiles import Tile
+
+# Images worked on at once.
+_IMAGES_AT_ONCE = 4
+# Captures with fewer samples are worked on in two tiles: every tile costs as much as a thousand samples.
+_TWO_TILES = 1 << 18
+
+
+@dataclass(frozen=True)
+class ImageTiles:
+    """Every sample, a few images at a time and tile by tile, computed when a worker asks for it.
+
+    Attributes:
+        pixels: that the samples are of.
+        residual_scale: see `likelihood.about`.
+        merge: let a few samples stand for every smooth patch of pixels (`Patches`).
+    """
+
+    pixels: LitPixels
+    residual_scale: float = 1.0
+    merge: bool = True
+
+    @cached_property
+    def patches(self) -> Patches:
+        return Patches(self.pixels, self.residual_scale, merge=self.merge)
+
+    def __iter__(self) -> Iterator[list[Callable[[], Tile]]]:
+        images, patches = range(len(self.pixels.images)), self.patches
+        tiles = [[partial(patches.tile, k, part) for part in range(patches.parts(k))] for k in images]
+        if not patches.layout.patches.size and len(self.pixels) < _TWO_TILES:
+            half = (len(images) + 1) // 2
+            yield [partial(_joined, some) for some in (tiles[:half], tiles[half:]) if some]
+            return
+        for first in range(0, len(images), _IMAGES_AT_ONCE):
+            yield [tile for some in tiles[first : first + _IMAGES_AT_ONCE] for tile in some]
+            for k in images[first : first + _IMAGES_AT_ONCE]:
+                self.pixels.capture.release(self.pixels.images[k])
+
+
+def _joined(tiles: Sequence[Sequence[Callable[[], Tile]]]) -> Tile:
+    parts = [tile().batch for some in tiles for tile in some]
+    return Tile(join([part for part in parts if len(part)] or parts[:1]))

@@ -1,0 +1,176 @@
+"""What a measured value says of the true radiance, and the least squares that stand for it near a reference."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+# Residuals up to this many standard deviations count in full. Of Gaussian noise only one value in 16,000 lies beyond:
+# nothing is lost where there are no outliers.
+TRUSTED = 4.0
+# Residuals beyond this many standard deviations do not count at all.
+REJECTED = 6.0
+# A value closer to an end of the sensor's range than this many standard deviations may have been clipped, and says
+# little of the fit.
+_CLEAR_OF_CLIPPING = 3.0
+_LOG_ROOT_TWO_PI = 0.5 * math.log(2 * math.pi)
+
+
+class Readout(NamedTuple):
+    """Noise of an image in radiance: variance = read + gain·radiance + rounding·radiance^power.
+
+    Tensors [1 or n, 1 or C]. The last term is that of integers that are not proportional to light, such as sRGB's.
+    """
+
+    read: Tensor
+    gain: Tensor
+    rounding: Tensor = torch.zeros(1, 1)
+    power: Tensor = torch.ones(1, 1)
+
+    def variance(self, radiance: Tensor) -> Tensor:
+        """Noise variance of a pixel of this true `radiance` [n, C]."""
+        signal = radiance.clamp(min=0)
+        variance = self.read + self.gain * signal
+        # Differentiable at black too.
+        return variance + self.rounding * signal.clamp(min=1e-12) ** self.power if self.rounding.any() else variance
+
+
+class Limits(NamedTuple):
+    """Radiance at which the sensor clips at its lower and upper end; tensors [1 or n, 1 or C], may be infinite."""
+
+    lower: Tensor
+    upper: Tensor
+
+
+@dataclass(frozen=True, eq=False)
+class MeasurementNoise:
+    """How the measured radiance of n samples strays from the true one.
+
+    Attributes:
+        readout: noise of the sensor.
+        limits: ends of the sensor's range; None where it has none.
+        clipped: −1 where a value is clipped at black, 1 where it is saturated, otherwise 0, [n, C]; None: nowhere.
+    """
+
+    readout: Readout
+    limits: Limits | None = None
+    clipped: Tensor | None = None
+
+    def __getitem__(self, index: slice | Tensor) -> MeasurementNoise:
+        """That of some of the samples."""
+        readout = Readout(*(value if len(value) == 1 else value[index] for value in self.readout))
+        limits = None
+        if self.limits is not None:
+            limits = Limits(*(value if len(value) == 1 else value[index] for value in self.limits))
+        return MeasurementNoise(readout, limits, None if self.clipped is None else self.clipped[index])
+
+    def variance(self, radiance: Tensor) -> Tensor:
+        """Noise variance of a value of this true `radiance` [n, C]."""
+        return self.readout.variance(radiance)
+
+
+class Means(NamedTuple):
+    """What samples that stand for several pixels are means of.
+
+    Attributes:
+        pixels: how many pixels each sample stands for [n, 1]; its radiance is as precise as their mean.
+        scatter: mean square of what the radiance of those pixels deviates from what stands for them [n, C].
+    """
+
+    pixels: Tensor
+    scatter: Tensor
+
+
+class LeastSquares(NamedTuple):
+    """The least-squares problem that stands for the likelihood near a reference, all [n, C].
+
+    Attributes:
+        response: the measured radiance; where it was clipped, the reference moved by a Newton step.
+        weight: inverse variance, less for what is clipped, 0 for outliers.
+        plain: values that a goodness of fit may be judged by: measured, and not near the ends of the sensor's range
+            where the reference is too.
+        means: what the samples are means of; None: every sample is one pixel.
+    """
+
+    response: Tensor
+    weight: Tensor
+    plain: Tensor
+    means: Means | None = None
+
+
+def first_guess(radiance: Tensor, noise: MeasurementNoise, means: Means | None = None) -> LeastSquares:
+    """The problem for a first guess: one variance a channel, clipped values taken as measured.
+
+    Weights that follow the measured radiance would give dark outliers the most of it. A highlight that is saturated is
+    lower than it should be, but there.
+    """
+    typical = radiance.median(dim=0, keepdim=True).values if len(radiance) else radiance
+    weight = _of_means((1 / noise.variance(typical)).expand_as(radiance), means)
+    return LeastSquares(radiance, weight, torch.ones_like(weight, dtype=torch.bool), means)
+
+
+def about(
+    reference: Tensor,
+    radiance: Tensor,
+    noise: MeasurementNoise,
+    means: Means | None = None,
+    residual_scale: float = 1.0,
+) -> LeastSquares:
+    """The problem whose solution is, to second order, the maximum of the likelihood.
+
+    Variances are those at the reference. A clipped value says that the radiance lies beyond the limit, with probability
+    Φ(z), z = ±(reference − limit)/s: its score is φ/Φ and its information h (h + z), h = φ/Φ. Values far from the
+    reference are outliers.
+
+    Args:
+        reference: model radiance near the solution [n, C].
+        radiance: measured [n, C].
+        noise: of the samples.
+        means: what they are means of.
+        residual_scale: typical residual in standard deviations of the noise, at least 1: where the model does not hold,
+            outliers are judged by it.
+    """
+    variance = noise.variance(reference)
+    weight = 1 / variance
+    squared = (radiance - reference).square() * weight
+    # Most tiles have no outlier.
+    far = (TRUSTED * residual_scale) ** 2
+    if float(squared.max()) > far:
+        weight = _trust(squared.sqrt() / residual_scale) * weight
+    if noise.limits is None:
+        return LeastSquares(radiance, _of_means(weight, means), torch.ones_like(weight, dtype=torch.bool), means)
+    lower, upper = noise.limits
+    std = variance.sqrt()
+    plain = (reference - lower > _CLEAR_OF_CLIPPING * std) & (upper - reference > _CLEAR_OF_CLIPPING * std)
+    # What lies far from the reference was not clipped by chance.
+    plain = plain | (squared > far)
+    response, weight = radiance, _of_means(weight, means)
+    if noise.clipped is not None and bool(noise.clipped.any()):
+        response, weight, plain = response.clone(), weight.clone(), plain.clone()
+        at = noise.clipped.nonzero(as_tuple=True)
+        side = noise.clipped[at].to(reference)
+        mean, spread = reference[at], residual_scale * std.expand_as(reference)[at]
+        end = torch.where(side > 0, upper.expand_as(reference)[at], lower.expand_as(reference)[at])
+        z = side * (mean - end) / spread
+        trust = _trust(-z)
+        # Beyond what is trusted at all hazard and z would cancel to nothing.
+        z = z.clamp(min=-REJECTED)
+        hazard = torch.exp(-0.5 * z.square() - torch.special.log_ndtr(z) - _LOG_ROOT_TWO_PI)
+        response[at] = mean + side * spread / (hazard + z)
+        weight[at] = trust * hazard * (hazard + z) / (spread / residual_scale).square()
+        # A clipped value says nothing of how well the model fits, unless it is an outlier.
+        plain[at] = trust == 0
+    return LeastSquares(response, weight, plain, means)
+
+
+def _of_means(weight: Tensor, means: Means | None) -> Tensor:
+    """The weight of samples whose pixels have this weight each."""
+    return weight if means is None else weight * means.pixels
+
+
+def _trust(deviation: Tensor) -> Tensor:
+    return ((REJECTED - deviation) / (REJECTED - TRUSTED)).clamp(0, 1)

@@ -1,0 +1,56 @@
+"""What can be estimated from: the protocol of samples, wherever they come from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Protocol, runtime_checkable
+
+import torch
+from torch import Tensor
+
+from matest.samples.batch import Batch
+from matest.samples.groups import Groups
+from matest.samples.tiles import Tiles
+
+
+@runtime_checkable
+class Samples(Protocol):
+    """Samples of one material: photographs of an object, a measured table, another model.
+
+    Attributes:
+        channels: C of the radiance.
+        relative: whether the strength of the light is known up to one common factor only.
+        noise_stated: whether the noise is known; if not, it was estimated from the samples.
+        device: where batches lie.
+    """
+
+    @property
+    def channels(self) -> int: ...
+
+    @property
+    def relative(self) -> bool: ...
+
+    @property
+    def noise_stated(self) -> bool: ...
+
+    @property
+    def device(self) -> torch.device | str: ...
+
+    @property
+    def groups(self) -> Groups:
+        """How the samples are grouped."""
+
+    def __len__(self) -> int:
+        """Number of samples."""
+
+    def optics(self, name: str) -> Tensor | None:
+        """What is known of the `wavelength` of the channels (µm) or the `solid_angle` of the lights (sr)."""
+
+    def pilot(self, count: int, seed: int) -> list[Batch]:
+        """About `count` samples that carry most of what all of them say: every angle, every image."""
+
+    def tiles(self, residual_scale: float = 1.0) -> Tiles:
+        """All samples, or a few that stand for many; `residual_scale` as in `likelihood.about`."""
+
+    def batches(self, size: int, *, shuffle: bool = False, seed: int = 0, skip: int = 0) -> Iterator[Batch]:
+        """All samples in batches of `size` for a training loop; with `skip`, without the first so many."""
