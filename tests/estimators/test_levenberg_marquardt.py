@@ -250,7 +250,7 @@ def ends_of_descents(chosen: Problem, capture: Capture, least: float, most: floa
     """Optima reached from starts whose shape lies between two values, and the standard errors there."""
     samples = capture.samples(dtype=torch.float64)
     tiles = samples.tiles(merge=False)
-    found = search(chosen, list(samples.tiles()))
+    found = search(chosen, list(samples.batches(10**5)))
     # Every other node of the grid, with its best amplitudes.
     (nodes,) = found.nodes
     starts = [found._fill(k, (value,)) for k, value in enumerate(nodes) if k % 2 == 0 and least < value < most]

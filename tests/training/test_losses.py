@@ -126,8 +126,8 @@ def test_gradients_are_finite_where_only_the_upper_end_clips():
     # Float images with a saturation have no lower end.
     rendered = torch.tensor([[0.2, 0.5, 2.0]], dtype=torch.float64, requires_grad=True)
     ends = Limits(*(torch.tensor([[end]], dtype=torch.float64) for end in (-math.inf, 0.95)))
-    batch = replace(batch_of(torch.tensor([[0.3, 1.0, 1.0]], dtype=torch.float64)), limits=ends)
-    noise = replace(batch.noise, clipped=torch.tensor([[0, 1, 1]]))
+    batch = batch_of(torch.tensor([[0.3, 1.0, 1.0]], dtype=torch.float64))
+    noise = replace(batch.noise, limits=ends, clipped=torch.tensor([[0, 1, 1]]))
     likelihood(rendered, replace(batch, noise=noise)).backward()
     assert torch.isfinite(rendered.grad).all()
     assert rendered.grad[0, 1] < 0

@@ -1,0 +1,143 @@
+"""Whatever fulfils the protocol of samples can be fitted and judged; unknowns may lie on the axis of images."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+import torch
+from torch import Tensor
+
+import matest
+from matest.brdf import Brdf, CookTorrance, OrenNayar
+from matest.estimators import Problem, Solution, fit
+from matest.estimators.unknowns import exposures
+from matest.inference.error_bars import error_bars
+from matest.samples import Samples
+from tests.problems import problem
+from tests.samples.table import Table
+from tests.simulated import Studio
+
+INCIDENCES = torch.deg2rad(torch.tensor([10.0, 25.0, 40.0, 55.0], dtype=torch.float64))
+MATERIALS = {
+    "oren-nayar": OrenNayar([0.6, 0.5, 0.4], 0.5),
+    "cook-torrance": CookTorrance([0.3, 0.2, 0.1], 0.8, 0.25),
+}
+
+
+def spherical(theta: Tensor, phi: Tensor) -> Tensor:
+    return torch.stack([theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()], dim=-1)
+
+
+def measured(material: Brdf, seed: int, noise: float = 0.002) -> Table:
+    """A gonioreflectometer: four incidences in the plane of x, the detector on a lattice of the hemisphere."""
+    polar, azimuth = torch.meshgrid(
+        torch.linspace(0.02, 1.2, 20, dtype=torch.float64),
+        torch.linspace(0, 2 * math.pi, 25).double()[:-1],
+        indexing="ij",
+    )
+    detector = spherical(polar.flatten(), azimuth.flatten())
+    wi = spherical(INCIDENCES, torch.full_like(INCIDENCES, math.pi)).repeat_interleave(len(detector), 0)
+    wo = detector.repeat(len(INCIDENCES), 1)
+    incidence = torch.arange(len(INCIDENCES)).repeat_interleave(len(detector))
+    truth = material(wi, wo) * wi[:, 2:]
+    std = torch.full_like(truth, noise)
+    generator = torch.Generator().manual_seed(seed)
+    values = truth + std * torch.randn(truth.shape, generator=generator, dtype=torch.float64)
+    return Table(wi, wo, values, std, incidence)
+
+
+def in_standard_errors(chosen: Problem, solution: Solution, std: Tensor, material: Brdf) -> Tensor:
+    return (solution.unknowns - chosen.unknowns_at(material.parameters)) / std
+
+
+def test_a_table_and_photographs_fulfil_the_protocol() -> None:
+    assert isinstance(measured(MATERIALS["oren-nayar"], seed=0), Samples)
+    assert isinstance(Studio(size=24).photograph(OrenNayar(0.5, 0.4)).samples(), Samples)
+
+
+@pytest.mark.parametrize("expression", MATERIALS)
+def test_a_table_is_fitted_and_judged_like_photographs(expression: str) -> None:
+    material, chosen = MATERIALS[expression], problem(expression, channels=3)
+    errors = []
+    for seed in range(4):
+        table = measured(material, seed)
+        solution = fit(chosen, table, seed=0)
+        bars = error_bars(solution, table)
+        assert solution.converged
+        assert bars.holds
+        errors.append(in_standard_errors(chosen, solution, bars.covariance.std, material))
+    squares = torch.stack(errors).square()
+    # Mean square of so many errors is 1 within three times √(2/n).
+    assert float(squares.mean()) == pytest.approx(1, abs=3 * math.sqrt(2 / squares.numel()))
+
+
+def test_a_table_trains_a_material() -> None:
+    table = measured(MATERIALS["oren-nayar"], seed=1)
+    material = matest.Trainable(OrenNayar([0.5, 0.5, 0.5], 0.3), dtype=torch.float64)
+    matest.fit_gradient(table, material, epochs=60, batch_size=500)
+    assert float(material().parameters["sigma"].detach()) == pytest.approx(0.5, abs=0.02)
+
+
+def strays(count: int, spread: float, seed: int) -> Tensor:
+    return 1 + spread * torch.randn(count, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
+
+
+def exposed(material: Brdf, factors: Tensor, seed: int) -> Samples:
+    """Photographs of which each is so many times as bright as its stated exposure says."""
+    studio = Studio(size=40)
+    radiance = studio.clean(material) * factors.numpy()[:, None, None]
+    return studio.expose(radiance, seed).samples(dtype=torch.float64)
+
+
+def with_exposures(chosen: Problem, samples: Samples, prior: float) -> Problem:
+    return replace(chosen, blocks=(*chosen.blocks, exposures(prior)), groups=samples.groups)
+
+
+@pytest.mark.parametrize("expression", ["oren-nayar", "cook-torrance"])
+def test_exposures_of_images_are_unknowns_with_a_prior(expression: str) -> None:
+    material = {"oren-nayar": OrenNayar(0.6, 0.5), "cook-torrance": CookTorrance(0.3, 0.8, 0.25)}[expression]
+    spread, squares, naive = 0.03, [], []
+    for seed in range(4):
+        factors = strays(6, spread, seed)
+        samples = exposed(material, factors, seed)
+        plain = problem(expression)
+        chosen = with_exposures(plain, samples, spread)
+        solution = fit(chosen, samples, seed=0)
+        bars = error_bars(solution, samples)
+        assert solution.converged
+        assert bars.holds, bars.reason
+        assert bars.kind == "fisher"
+        truth = torch.cat([plain.unknowns_at(material.parameters), factors])
+        errors = (solution.unknowns - truth) / bars.covariance.std
+        squares.append(errors.square())
+        stray = fit(plain, samples, seed=0).unknowns - plain.unknowns_at(material.parameters)
+        naive.append(float((stray.abs() / bars.covariance.std[: plain.size]).max()))
+    mean = float(torch.stack(squares).mean())
+    # Errors of exposures and albedo hang together: as if by some three independent ones a capture.
+    assert 0.2 < mean < 2.5
+    # Without the block parameters are off by more than these error bars.
+    assert max(naive) > 2.5
+
+
+def test_no_prior_leaves_the_common_factor_of_exposures_and_albedo_open() -> None:
+    samples = exposed(OrenNayar(0.6, 0.5), strays(6, 0.03, 0), 0)
+    chosen = replace(problem("lambert"), blocks=(*problem("lambert").blocks, exposures(None)), groups=samples.groups)
+    bars = error_bars(fit(chosen, samples, seed=0), samples)
+    assert bool(bars.covariance.undetermined[chosen.where["albedo"]].any())
+
+
+def test_statistics_with_exposures_are_those_of_the_dense_matrices() -> None:
+    samples = exposed(OrenNayar(0.6, 0.5), strays(6, 0.03, 1), 1)
+    chosen = with_exposures(problem("oren-nayar"), samples, 0.03)
+    unknowns = torch.cat([torch.tensor([0.55, 0.45], dtype=torch.float64), strays(6, 0.02, 2)])
+    found = matest.estimators.accumulate(chosen, unknowns, samples.tiles(), unknowns)
+    assert found.information.shape == (8, 8)
+    step = 1e-5
+    for position in range(8):
+        ahead, behind = unknowns.clone(), unknowns.clone()
+        ahead[position] += step
+        behind[position] -= step
+        costs = [matest.estimators.accumulate(chosen, u, samples.tiles(), unknowns).cost for u in (ahead, behind)]
+        assert (costs[1] - costs[0]) / (4 * step) == pytest.approx(float(found.gradient[position]), rel=1e-4, abs=1e-2)
