@@ -10,7 +10,6 @@ import torch
 from torch import Tensor
 
 from matest.brdf import Brdf, Term
-from matest.brdf.base import factor_value
 from matest.directions import Directions, above_horizon
 from matest.errors import InputError
 from matest.scene import Points, Scene
@@ -104,7 +103,7 @@ def reflectance(brdf: Brdf, cos_o: Tensor) -> Tensor:
     for term in sky_terms(values.replace(even).terms(nodes.directions)):
         part = interpolate(term.shape, cos_o)
         for factor in term.factors:
-            part = part * factor_value(factor, values.parameters)
+            part = part * factor.value(values.parameters)
         total = total + part
     return total
 
@@ -148,9 +147,9 @@ def sky_nodes(dtype: torch.dtype, device: torch.device) -> SkyNodes:
 def sky_terms(terms: tuple[Term, ...]) -> list[Term]:
     """Terms evaluated at the directions of `sky_nodes`, integrated over the sky: shapes [33, 1 or C]."""
     integrated = []
-    for factors, shape, *_ in terms:
-        nodes = sky_nodes(shape.dtype, shape.device)
-        integrated.append(Term(factors, (shape * nodes.weight).sum(-2)))
+    for term in terms:
+        nodes = sky_nodes(term.shape.dtype, term.shape.device)
+        integrated.append(Term(term.factors, (term.shape * nodes.weight).sum(-2)))
     return integrated
 
 

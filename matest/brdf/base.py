@@ -6,65 +6,15 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from functools import cache, cached_property
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor
 
+from matest.brdf.terms import Factor, Product, Term, complement_of
 from matest.directions import Directions, above_horizon
 from matest.errors import InputError, nearest
 from matest.parameters import Parameter, options_of, parameters_of
-
-
-class Term(NamedTuple):
-    """One summand of a model: (product of the parameters, or their complements, named in `factors`) · `shape`.
-
-    `shape` [..., 1 or C] in 1/sr depends on the directions and on the remaining (non-linear) parameters only. This is
-    what lets an estimator eliminate the amplitudes: a model is a polynomial in its factors.
-
-    Where directions and parameters separate, `shape` = Σq weights_q · images_q, the `images` [..., Q] depend on the
-    directions alone and the `weights` [Q], or [..., 1 or C, Q], on the parameters alone (see `mixture`). An estimator
-    then walks over the samples once, whatever the number of parameter values that it tries.
-    """
-
-    factors: tuple[str, ...]
-    shape: Tensor
-    images: Tensor | None = None
-    weights: Tensor | None = None
-
-
-_REST = "1 - "
-
-
-def rest_of(name: str) -> str:
-    """The factor 1 − (the parameter of that name)."""
-    return _REST + name
-
-
-def named_by(factor: str) -> str:
-    """The parameter that a factor is made of."""
-    return factor.removeprefix(_REST)
-
-
-def factor_value(factor: str, values: Mapping[str, Tensor]) -> Tensor:
-    value = values[named_by(factor)]
-    return 1 - value if factor.startswith(_REST) else value
-
-
-def factor_slope(factor: str) -> float:
-    """Derivative of a factor by its parameter."""
-    return -1.0 if factor.startswith(_REST) else 1.0
-
-
-def mixture(factors: tuple[str, ...], images: Tensor, weights: Tensor) -> Term:
-    """The term Σq weights_q · images_q, times its factors; shapes as in `Term`."""
-    if weights.ndim == 1:
-        shape = images @ weights[:, None]
-    elif weights.ndim == 2:
-        shape = images @ weights.mT
-    else:
-        shape = (images.unsqueeze(-2) * weights).sum(-1)
-    return Term(factors, shape, images, weights)
 
 
 class Brdf:
@@ -125,13 +75,13 @@ class Brdf:
         return self
 
     @property
-    def products(self) -> list[tuple[str, ...]]:
+    def products(self) -> list[Product]:
         """The factors of each term."""
         normal = torch.tensor([[0.0, 0.0, 1.0]])
         anywhere = self.replace({name: torch.tensor(0.5) for name in self.declared})
         return [term.factors for term in anywhere.terms(Directions(normal, normal))]
 
-    def carriers(self, shape: str) -> list[tuple[str, ...]]:
+    def carriers(self, shape: str) -> list[Product]:
         """The factors of each of the terms that depend on the shape parameter `shape`."""
         wi, wo = torch.tensor([[[0.3, 0.2, 0.93], [0.7, 0.1, 0.7]], [[-0.2, 0.4, 0.89], [0.5, -0.4, 0.77]]])
         directions = Directions(wi, wo)
@@ -155,14 +105,14 @@ class Brdf:
     @property
     def factors(self) -> set[str]:
         """Names of the parameters that only multiply shapes: the amplitudes."""
-        return {named_by(factor) for factors in self.products for factor in factors}
+        return {factor.name for product in self.products for factor in product}
 
     @property
     def scales(self) -> set[str]:
         """Names of the amplitudes that can carry an unknown scale of the light: 1 − x of them is used nowhere."""
         used = {factor for product in self.products for factor in product}
         coloured = {name for name, declared in self.declared.items() if declared.per_channel}
-        return {name for name in used & coloured if rest_of(name) not in used}
+        return {name for name in coloured if Factor(name) in used and complement_of(name) not in used}
 
     @property
     def expression(self) -> str:
@@ -196,10 +146,10 @@ class Brdf:
         """Values [..., C] at directions above the horizon."""
         values = self.parameters
         total: Tensor | float = 0.0
-        for factors, shape, *_ in self.terms(directions):
+        for term in self.terms(directions):
             # Factors first: one pass over the directions a term.
-            scale = math.prod((factor_value(factor, values) for factor in factors), start=1.0)
-            total = total + shape * scale
+            scale = math.prod((factor.value(values) for factor in term.factors), start=1.0)
+            total = total + term.shape * scale
         # Fitted polynomials dip below zero near double grazing; a reflectance cannot.
         return torch.as_tensor(total).clamp(min=0)
 
@@ -263,11 +213,7 @@ class Sum(Brdf):
         return Sum(tuple(part.ordered for part in self.components))
 
     def terms(self, directions: Directions) -> tuple[Term, ...]:
-        return tuple(
-            term._replace(factors=tuple(_path(name, factor) for factor in term.factors))
-            for name, part in self._by_name.items()
-            for term in part.terms(directions)
-        )
+        return tuple(term.within(name) for name, part in self._by_name.items() for term in part.terms(directions))
 
 
 def absent(brdf: Brdf, name: str) -> str | None:
@@ -295,11 +241,6 @@ def _as_choice(value: Any) -> Any:
 
 def _same(value: Any, default: float) -> bool:
     return not (isinstance(value, (list, tuple)) or (isinstance(value, Tensor) and value.ndim)) and value == default
-
-
-def _path(component: str, factor: str) -> str:
-    path = f"{component}.{named_by(factor)}"
-    return rest_of(path) if factor.startswith(_REST) else path
 
 
 def _components(brdf: Brdf) -> tuple[Brdf, ...]:

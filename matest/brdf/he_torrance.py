@@ -9,9 +9,10 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from matest.brdf.base import Brdf, Term, rest_of
+from matest.brdf.base import Brdf
 from matest.brdf.fresnel import schlick_weight
 from matest.brdf.li_torrance import mirror_kernel
+from matest.brdf.terms import Term, complement_of
 from matest.directions import Directions
 from matest.parameters import interval, option, parameter, unit_interval
 
@@ -87,7 +88,7 @@ class HeTorrance(Brdf):
         return (
             Term(("k_ud",), body),
             Term(("k_dd", "f0"), lobe),
-            Term(("k_dd", rest_of("f0")), lobe * schlick_weight(d.short_d)),
+            Term(("k_dd", complement_of("f0")), lobe * schlick_weight(d.short_d)),
         )
 
 

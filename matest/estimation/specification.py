@@ -191,8 +191,8 @@ def _check_scale(brdf: Brdf, free: Sequence[str], held: Mapping[str, Tensor], ti
     """Under lights of unknown strength every term needs an amplitude that can take up their scale."""
     scales = brdf.scales & {*free}
     for product in brdf.products:
-        sources = {ties.get(factor, factor) for factor in product}
-        dark = any(factor in held and not bool(held[factor].any()) for factor in product)
+        sources = {ties.get(factor.name, factor.name) for factor in product if not factor.complement}
+        dark = any(factor.name in held and not bool(factor.value(held).any()) for factor in product)
         if not dark and not sources & scales:
             raise InputError(
                 f"{brdf.expression}: the strength of the lights is unknown (relative radiometry), and nothing in this "

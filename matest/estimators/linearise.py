@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from matest.brdf import Term
-from matest.brdf.base import factor_slope, factor_value, named_by
+from matest.brdf.terms import Product
 from matest.directions import Directions
 from matest.estimators.images import Images, illuminate
 from matest.estimators.moments import Compressed, Moments, Statistics, joined, moments, nothing
@@ -100,11 +100,11 @@ class Linearisation:
         with torch.set_grad_enabled(bool(leaves)):
             terms = problem.brdf.replace(values).terms(directions)
             slopes: dict[str, list[Tensor | None]] = {name: [] for name in leaves}
-            for _, shape, *_ in terms if leaves else ():
+            for term in terms if leaves else ():
                 found: tuple[Tensor | None, ...] = (None,) * len(leaves)
-                if shape.requires_grad:
+                if term.shape.requires_grad:
                     found = torch.autograd.grad(
-                        shape.sum(), list(leaves.values()), retain_graph=True, allow_unused=True
+                        term.shape.sum(), list(leaves.values()), retain_graph=True, allow_unused=True
                     )
                 for name, slope in zip(leaves, found, strict=True):
                     slopes[name].append(slope)
@@ -120,22 +120,20 @@ class Linearisation:
         return images.radiance(self.coefficients), images.mixed(self.slopes.mT)
 
 
-def product(values: dict[str, Tensor], factors: tuple[str, ...]) -> Tensor:
+def product(values: dict[str, Tensor], factors: Product) -> Tensor:
     """The product of some factors."""
     out = torch.ones_like(next(iter(values.values())))
     for factor in factors:
-        out = out * factor_value(factor, values)
+        out = out * factor.value(values)
     return out
 
 
-def derivative(
-    values: dict[str, Tensor], ties: Mapping[str, str], factors: tuple[str, ...], name: str
-) -> Tensor | float:
+def derivative(values: dict[str, Tensor], ties: Mapping[str, str], factors: Product, name: str) -> Tensor | float:
     """Derivative of a product of factors by a parameter (and by those tied to it)."""
     total: Tensor | float = 0.0
     for position, factor in enumerate(factors):
-        if name in (named_by(factor), ties.get(named_by(factor))):
-            total = total + factor_slope(factor) * product(values, factors[:position] + factors[position + 1 :])
+        if name in (factor.name, ties.get(factor.name)):
+            total = total + factor.slope * product(values, factors[:position] + factors[position + 1 :])
     return total
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from matest.brdf.terms import Product
 from matest.directions import Directions
 from matest.estimators.images import Images, illuminate
 from matest.estimators.linear import amplitudes
@@ -105,7 +106,7 @@ def search(problem: Problem, batches: list[Batch], compressed: Compressed | None
     )
 
 
-Normal = tuple[list[tuple[str, ...]], Tensor, Tensor]
+Normal = tuple[list[Product], Tensor, Tensor]
 
 
 def normal_equations(
@@ -173,11 +174,11 @@ def _separated(problem: Problem, batches: list[Batch], points: list[Tensor], ref
 def _mixed(problem: Problem, compressed: Compressed, points: list[Tensor]) -> Normal:
     """From the moments of the images."""
     gram, moment = (part.sum(0) for part in (compressed.moments.gram, compressed.moments.moment))
-    factors: list[tuple[str, ...]] = []
+    factors: list[Product] = []
     mixtures = []
     for unknowns in points:
         factors, weights = mixture(problem, unknowns)
-        # Images to terms, [C, K, T].
+        # Columns to terms, [C, K, T].
         mixtures.append(torch.stack([torch.block_diag(*rows).T for rows in zip(*weights, strict=True)]))
     mixed = torch.stack(mixtures)
     return factors, mixed.mT @ gram @ mixed, (mixed.mT @ moment[..., None])[..., 0]

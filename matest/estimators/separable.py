@@ -1,7 +1,8 @@
-"""Models that separate into images of the geometry and weights from the parameters: one walk serves every value.
+"""Models that separate into columns from the geometry and weights from the parameters: one walk serves every value.
 
-Where every term is Σq weights_q(parameters) · images_q(directions), radiance is Φ g(u) with columns Φ that no parameter
-touches. Their Gram matrix and moments, once added up, give χ² and its derivatives at any u by small matrix products.
+Where every term is Σq weights_q(parameters) · columns_q(directions), radiance is Φ g(u) with columns Φ that no
+parameter touches. Their Gram matrix and moments, once added up, give χ² and its derivatives at any u by small matrix
+products.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import torch
 from torch import Tensor
 
 from matest.brdf import Brdf, Term
+from matest.brdf.terms import Product
 from matest.directions import Directions
 from matest.estimators.images import Images, illuminate
 from matest.estimators.levenberg_marquardt import Evaluate
@@ -28,10 +30,10 @@ from matest.shading import check_sky, lit_directions, sky_nodes, sky_terms
 
 @dataclass(frozen=True)
 class Coefficients:
-    """g(u), the coefficient of every image.
+    """g(u), the coefficient of every column.
 
     Attributes:
-        total: g [C, K], the images of all terms one after another.
+        total: g [C, K], the columns of all terms one after another.
         slopes: derivatives of g by every free parameter of a channel [Q, C, K].
     """
 
@@ -40,18 +42,18 @@ class Coefficients:
 
 
 def separates(problem: Problem) -> bool:
-    """Whether no image depends on a parameter that is estimated."""
+    """Whether no column depends on a parameter that is estimated."""
     terms, _ = _probe(problem, torch.full((problem.size,), 0.5, dtype=torch.float64), 1)
     return all(
-        term.images is not None or (term.shape.shape[-1] == 1 and not term.shape.requires_grad) for term in terms
+        term.columns is not None or (term.shape.shape[-1] == 1 and not term.shape.requires_grad) for term in terms
     )
 
 
 def coefficients(problem: Problem, unknowns: Tensor) -> Coefficients:
     """The coefficients and their derivatives at `unknowns` u [P]."""
     values = problem.values(unknowns)
-    sizes = problem.images
-    # Each image has its own copy of the shape parameters: one reverse pass a term yields all derivatives.
+    sizes = problem.columns
+    # Each column has its own copy of the shape parameters: one reverse pass a term yields all derivatives.
     terms, leaves = _probe(problem, unknowns, max(sizes))
     parts = []
     slopes: dict[str, list[Tensor]] = {name: [] for name in problem.free}
@@ -81,11 +83,11 @@ def coefficients(problem: Problem, unknowns: Tensor) -> Coefficients:
     )
 
 
-def mixture(problem: Problem, unknowns: Tensor) -> tuple[list[tuple[str, ...]], list[Tensor]]:
-    """The factors of each term, and the weights of its images at unit amplitude [C, Q]."""
+def mixture(problem: Problem, unknowns: Tensor) -> tuple[list[Product], list[Tensor]]:
+    """The factors of each term, and the weights of its columns at unit amplitude [C, Q]."""
     terms, _ = _probe(problem, unknowns, 1)
     weights = []
-    for term, size in zip(terms, problem.images, strict=True):
+    for term, size in zip(terms, problem.columns, strict=True):
         own = torch.ones(1, 1, dtype=torch.float64) if term.weights is None else term.weights
         own = own[0] if own.ndim == 3 else own
         weights.append(own.detach().expand(problem.channels, size))
@@ -204,5 +206,5 @@ class _Images:
         values = {name: value.to(like.device, like.dtype) for name, value in self._anywhere.items()}
         shapes: list[Tensor] = []
         for term in self._problem.brdf.replace(values).terms(directions):
-            shapes += [term.shape] if term.images is None else term.images.split(1, dim=-1)
+            shapes += [term.shape] if term.columns is None else term.columns.split(1, dim=-1)
         return shapes

@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from matest.brdf import Brdf
+from matest.brdf.terms import Factor
 from matest.directions import Directions
 from matest.parameters import Domain, Parameter
 
@@ -67,12 +68,12 @@ class Problem:
         return self.brdf.scales
 
     @cached_property
-    def images(self) -> list[int]:
-        """Number of images of the geometry that each term is a mixture of."""
+    def columns(self) -> list[int]:
+        """Number of columns that each term is a mixture of."""
         normal = torch.tensor([[0.0, 0.0, 1.0]])
         anywhere = self.brdf.replace({name: torch.tensor(0.5) for name in self.brdf.declared})
         terms = anywhere.terms(Directions(normal, normal))
-        return [1 if term.images is None else term.images.shape[-1] for term in terms]
+        return [1 if term.columns is None else term.columns.shape[-1] for term in terms]
 
     def declared(self, name: str) -> Parameter:
         return self.brdf.declared[name]
@@ -89,8 +90,9 @@ class Problem:
     def limit_of_gauges(self, unknowns: Tensor) -> float:
         """The largest gauge with which no facet reflects more than all light: 1 / (brightest albedo beside it)."""
         values = self.values(unknowns)
-        beside = {factor for product in self.brdf.products if {*product} & {*self.gauges} for factor in product}
-        brightest = max((float(values[name].max()) for name in beside - {*self.gauges}), default=0.0)
+        gauges = {*map(Factor, self.gauges)}
+        beside = {factor for product in self.brdf.products if {*product} & gauges for factor in product}
+        brightest = max((float(factor.value(values).max()) for factor in beside - gauges), default=0.0)
         return 1 / max(brightest, 1e-9)
 
     @property
