@@ -92,13 +92,13 @@ def reflectance(brdf: Brdf, cos_o: Tensor) -> Tensor:
     check_sky(brdf)
     nodes = sky_nodes(cos_o.dtype, cos_o.device)
     values = brdf.to(cos_o.dtype, cos_o.device)
-    factors = values.factors
-    lobes = [name for name, value in values.parameters.items() if name not in factors and value.ndim > 1]
+    amplitudes = values.structure.amplitudes
+    lobes = [name for name, value in values.parameters.items() if name not in amplitudes and value.ndim > 1]
     if lobes:
         raise InputError(
             f"ambient light needs one value of {', '.join(lobes)} for the whole surface, not one per point."
         )
-    even = {name: torch.ones_like(value) for name, value in values.parameters.items() if name in factors}
+    even = {name: torch.ones_like(value) for name, value in values.parameters.items() if name in amplitudes}
     total = torch.zeros((), dtype=cos_o.dtype, device=cos_o.device)
     for term in sky_terms(values.replace(even).terms(nodes.directions)):
         part = interpolate(term.shape, cos_o)
@@ -110,7 +110,7 @@ def reflectance(brdf: Brdf, cos_o: Tensor) -> Tensor:
 
 def check_sky(brdf: Brdf) -> None:
     """Raise InputError for a model whose reflectance under an even sky is not a function of cos θr alone."""
-    if brdf.anisotropic:
+    if brdf.structure.anisotropic:
         raise InputError(
             f"ambient light on {brdf.expression}, which reflects differently along and across its grooves, is not "
             "computed: leave out the ambient light or choose isotropic=true."

@@ -75,8 +75,7 @@ class HeTorrance(Brdf):
         effective = height * effective_roughness(half_inverse, cot_i, cot_o)
         total = cos_i + cos_o
         g = (2 * math.pi * effective / wavelength * total).square()
-        x, y = (slope.double() for slope in d.half_slopes)
-        across2 = (x * x + y * y) * d.half_z.double().square() * (math.pi * length / wavelength).square()
+        across2 = d.tan2_half.double() * d.half_z.double().square() * (math.pi * length / wavelength).square()
         shape = (math.pi * length / (2 * wavelength)).square() * series(g, across2)
         geometry = (d.half_squared.double() / total).square()
         masked = smith_masking(half_inverse * cot_i) * smith_masking(half_inverse * cot_o)

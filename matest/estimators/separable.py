@@ -43,16 +43,16 @@ class Coefficients:
 
 def separates(problem: Problem) -> bool:
     """Whether no column depends on a parameter that is estimated."""
-    terms, _ = _probe(problem, torch.full((problem.size,), 0.5, dtype=torch.float64), 1)
-    return all(
-        term.columns is not None or (term.shape.shape[-1] == 1 and not term.shape.requires_grad) for term in terms
-    )
+    terms = problem.brdf.structure.terms
+    sources = {problem.ties.get(name, name) for term in terms for name in term.column_parameters}
+    # One of a value per channel makes columns of one per channel.
+    return all(name in problem.held and problem.held[name].numel() == 1 for name in sources)
 
 
 def coefficients(problem: Problem, unknowns: Tensor) -> Coefficients:
     """The coefficients and their derivatives at `unknowns` u [P]."""
     values = problem.values(unknowns)
-    sizes = problem.columns
+    sizes = problem.brdf.structure.columns
     # Each column has its own copy of the shape parameters: one reverse pass a term yields all derivatives.
     terms, leaves = _probe(problem, unknowns, max(sizes))
     parts = []
@@ -87,7 +87,7 @@ def mixture(problem: Problem, unknowns: Tensor) -> tuple[list[Product], list[Ten
     """The factors of each term, and the weights of its columns at unit amplitude [C, Q]."""
     terms, _ = _probe(problem, unknowns, 1)
     weights = []
-    for term, size in zip(terms, problem.columns, strict=True):
+    for term, size in zip(terms, problem.brdf.structure.columns, strict=True):
         own = torch.ones(1, 1, dtype=torch.float64) if term.weights is None else term.weights
         own = own[0] if own.ndim == 3 else own
         weights.append(own.detach().expand(problem.channels, size))

@@ -12,7 +12,6 @@ from torch import Tensor
 
 from matest.brdf import Brdf
 from matest.brdf.terms import Factor
-from matest.directions import Directions
 from matest.parameters import Domain, Parameter
 
 
@@ -61,19 +60,7 @@ class Problem:
     @cached_property
     def factors(self) -> set[str]:
         """Parameters, free or not, that only multiply shapes."""
-        return {self.ties.get(name, name) for name in self.brdf.factors}
-
-    @cached_property
-    def _scales(self) -> set[str]:
-        return self.brdf.scales
-
-    @cached_property
-    def columns(self) -> list[int]:
-        """Number of columns that each term is a mixture of."""
-        normal = torch.tensor([[0.0, 0.0, 1.0]])
-        anywhere = self.brdf.replace({name: torch.tensor(0.5) for name in self.brdf.declared})
-        terms = anywhere.terms(Directions(normal, normal))
-        return [1 if term.columns is None else term.columns.shape[-1] for term in terms]
+        return {self.ties.get(name, name) for name in self.brdf.structure.amplitudes}
 
     def declared(self, name: str) -> Parameter:
         return self.brdf.declared[name]
@@ -84,14 +71,14 @@ class Problem:
             return Domain(-math.inf, math.inf)
         if declared.gauge:
             return Domain(declared.domain.lower, self.gauge_limit)
-        carries_scale = self.relative and name in self._scales
+        carries_scale = self.relative and name in self.brdf.structure.scales
         return declared.domain.lifted() if carries_scale else declared.domain
 
     def limit_of_gauges(self, unknowns: Tensor) -> float:
         """The largest gauge with which no facet reflects more than all light: 1 / (brightest albedo beside it)."""
         values = self.values(unknowns)
         gauges = {*map(Factor, self.gauges)}
-        beside = {factor for product in self.brdf.products if {*product} & gauges for factor in product}
+        beside = {factor for product in self.brdf.structure.products if {*product} & gauges for factor in product}
         brightest = max((float(factor.value(values).max()) for factor in beside - gauges), default=0.0)
         return 1 / max(brightest, 1e-9)
 

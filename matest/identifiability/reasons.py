@@ -117,10 +117,10 @@ class Reasons:
 
     def _products(self, name: str) -> list[Product]:
         """The factors of the terms that depend on a parameter."""
-        brdf, ties = self.problem.brdf, self.problem.ties
+        structure, ties = self.problem.brdf.structure, self.problem.ties
         names = {name, *(dependent for dependent, source in ties.items() if source == name)}
-        by_factor = [product for product in brdf.products if names & {factor.name for factor in product}]
-        shaped = [product for one in names if one not in brdf.factors for product in brdf.carriers(one)]
+        by_factor = [product for product in structure.products if names & {factor.name for factor in product}]
+        shaped = [product for one in names for product in structure.carriers(one)]
         return list(dict.fromkeys([*by_factor, *shaped]))
 
     def _half_width(self, product: Product) -> float:

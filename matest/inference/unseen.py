@@ -48,7 +48,7 @@ def faint(solution: Solution, bars: ErrorBars, name: str) -> bool:
         return bool((value > _VISIBLE * std).any())
 
     # A lobe is a product: it is gone when any one of its factors is.
-    products = problem.brdf.carriers(name)
+    products = problem.brdf.structure.carriers(name)
     return not any(all(seen(factor, product) for factor in product) for product in products)
 
 
@@ -59,7 +59,7 @@ def unseen_amplitudes(solution: Solution, bars: ErrorBars) -> set[str]:
         problem.ties.get(factor.name, factor.name)
         for shape in problem.shapes
         if faint(solution, bars, shape)
-        for product in problem.brdf.carriers(shape)
+        for product in problem.brdf.structure.carriers(shape)
         for factor in product
     }
     return factors & {*problem.amplitudes}

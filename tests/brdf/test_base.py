@@ -165,7 +165,7 @@ def test_models_whose_parameters_separate_say_so() -> None:
 
 
 def test_only_parallel_grooves_are_anisotropic() -> None:
-    anisotropic = {expression for expression in variants() if named(expression).anisotropic}
+    anisotropic = {expression for expression in variants() if named(expression).structure.anisotropic}
     assert anisotropic == {
         "oren-nayar-single-slope",
         "ward(anisotropy=axes)",
@@ -175,8 +175,8 @@ def test_only_parallel_grooves_are_anisotropic() -> None:
             for law in LAWS
         ),
     }
-    assert (OrenNayarSingleSlope() + TorranceSparrow()).anisotropic
-    assert not (OrenNayarExact() + TorranceSparrow()).anisotropic
+    assert (OrenNayarSingleSlope() + TorranceSparrow()).structure.anisotropic
+    assert not (OrenNayarExact() + TorranceSparrow()).structure.anisotropic
 
 
 # Inherited from the rough surface, which these combinations do not see.
@@ -194,7 +194,7 @@ def test_isotropic_models_do_not_see_the_frame_turn(expression: str) -> None:
     cos, sin = math.cos(0.7), math.sin(0.7)
     turn = torch.tensor([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]], dtype=torch.float64)
     same = torch.allclose(brdf(wi, wo), brdf(wi @ turn.T, wo @ turn.T), rtol=1e-9, atol=tolerances.UNDERFLOW)
-    assert same != brdf.anisotropic
+    assert same != brdf.structure.anisotropic
 
 
 def test_conditional_parameters_follow_the_options() -> None:
