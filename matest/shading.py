@@ -11,7 +11,6 @@ import torch
 from torch import Tensor
 
 from matest.brdf import Brdf, Term
-from matest.brdf.base import factor_value
 from matest.directions import Directions, above_horizon
 from matest.errors import InputError
 from matest.scene import Points, Scene
@@ -94,18 +93,18 @@ def reflectance(brdf: Brdf, cos_o: Tensor) -> Tensor:
     check_sky(brdf)
     nodes = sky_nodes(cos_o.dtype, cos_o.device)
     values = brdf.to(cos_o.dtype, cos_o.device)
-    factors = values.factors
-    lobes = [name for name, value in values.parameters.items() if name not in factors and value.ndim > 1]
+    amplitudes = values.structure.amplitudes
+    lobes = [name for name, value in values.parameters.items() if name not in amplitudes and value.ndim > 1]
     if lobes:
         raise InputError(
             f"ambient light needs one value of {', '.join(lobes)} for the whole surface, not one per point."
         )
-    even = {name: torch.ones_like(value) for name, value in values.parameters.items() if name in factors}
+    even = {name: torch.ones_like(value) for name, value in values.parameters.items() if name in amplitudes}
     total = torch.zeros((), dtype=cos_o.dtype, device=cos_o.device)
     for term in sky_terms(values.replace(even).terms(nodes.directions)):
         part = interpolate(term.shape, cos_o)
         for factor in term.factors:
-            part = part * factor_value(factor, values.parameters)
+            part = part * factor.value(values.parameters)
         total = total + part
     return total
 
@@ -124,7 +123,7 @@ def sky_light(points: Points, tables: Callable[[], Sequence[Tensor]]) -> Tensor 
 
 def check_sky(brdf: Brdf) -> None:
     """Raise InputError for a model whose reflectance under an even sky is not a function of cos θr alone."""
-    if brdf.anisotropic:
+    if brdf.structure.anisotropic:
         raise InputError(
             f"ambient light on {brdf.expression}, which reflects differently along and across its grooves, is not "
             "computed: leave out the ambient light or choose isotropic=true."
@@ -161,9 +160,9 @@ def sky_nodes(dtype: torch.dtype, device: torch.device) -> SkyNodes:
 def sky_terms(terms: tuple[Term, ...]) -> list[Term]:
     """Terms evaluated at the directions of `sky_nodes`, integrated over the sky: shapes [33, 1 or C]."""
     integrated = []
-    for factors, shape, *_ in terms:
-        nodes = sky_nodes(shape.dtype, shape.device)
-        integrated.append(Term(factors, (shape * nodes.weight).sum(-2)))
+    for term in terms:
+        nodes = sky_nodes(term.shape.dtype, term.shape.device)
+        integrated.append(Term(term.factors, (term.shape * nodes.weight).sum(-2)))
     return integrated
 
 

@@ -10,7 +10,6 @@ from scipy.special import roots_legendre
 from torch import Tensor
 
 from matest.brdf import Brdf, model
-from matest.brdf.base import named_by
 from matest.parameters import Parameter
 
 # Below this a lobe is narrower than anything photographed.
@@ -69,7 +68,7 @@ def linear(brdf: Brdf) -> list[str]:
     """Amplitudes that the model is jointly linear in: none is squared or multiplied by another of them."""
     chosen: list[str] = []
     for name in brdf.declared:
-        products = [[named_by(factor) for factor in factors] for factors in brdf.products]
+        products = [[factor.name for factor in factors] for factors in brdf.structure.products]
         with_it = [factors for factors in products if name in factors]
         alone = all(factors.count(name) == 1 and not {*chosen} & {*factors} for factors in with_it)
         if with_it and alone:

@@ -9,7 +9,6 @@ import torch
 from torch import Tensor
 
 from matest.brdf import Brdf, variants
-from matest.brdf.base import factor_value
 from matest.directions import Directions
 from tests import tolerances
 from tests.sampling import (
@@ -278,7 +277,7 @@ def test_terms_are_the_model_as_a_polynomial(expression: str) -> None:
     brdf = draw(named(expression), (200, 1), seed=23)
     wi, wo = random_pairs(200, seed=24, most=1.05)
     total = sum(
-        math.prod((factor_value(factor, brdf.parameters) for factor in factors), start=shape)
-        for factors, shape, *_ in brdf.terms(Directions(wi, wo))
+        math.prod((factor.value(brdf.parameters) for factor in term.factors), start=term.shape)
+        for term in brdf.terms(Directions(wi, wo))
     )
     torch.testing.assert_close(brdf(wi, wo), total, rtol=tolerances.INDEPENDENT, atol=tolerances.UNDERFLOW)

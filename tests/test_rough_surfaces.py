@@ -10,6 +10,7 @@ import torch
 import matest
 from matest.brdf import Brdf, model
 from matest.capture import Capture
+from matest.photographs.photometry import Noise
 from tests.captures import directional
 from tests.simulated import DIRECTIONS, Studio
 
@@ -55,6 +56,36 @@ def test_the_ratio_stands_for_the_length_in_the_correlations(paper: matest.Estim
     # A wider lobe of the same peak needs more light: strength grows with the slope.
     assert paper.correlation[place["slope_ratio"]][place["k_dd[0]"]] > 0
     assert paper.correlation[place["slope_ratio"]][place["slope_ratio"]] == pytest.approx(1)
+
+
+NINE = Studio(
+    size=64,
+    lights=tuple((directional(towards, 3.0),) for towards in (
+        (0.0, 0.0, 1.0), (0.8, 0.0, 0.6), (-0.8, 0.0, 0.6), (0.0, 0.8, 0.6), (0.0, -0.8, 0.6),
+        (0.68, 0.68, 0.27), (-0.68, 0.68, 0.27), (0.68, -0.68, 0.27), (-0.68, -0.68, 0.27),
+    )),
+    noise=Noise(1e-6, 1e-9),
+)  # fmt: skip
+TINTED = {"diffuse": 0.1, "specular": 1.0, "slope": 0.3, "f0": 0.04, "f0_mean": 0.04}
+FORWARD = {"k_dd": 0.0, "k_uds": 0.4, "k_fs": 5.0, "height_rms": 1.0, "correlation_length": 4.0}
+
+
+@pytest.mark.parametrize(
+    ("expression", "values", "fix", "name"),
+    [
+        ("li-torrance-forward", {"k_fs": 5.0, "correlation_length": 4.0}, {"height_rms": 1.0}, "correlation_length"),
+        ("li-torrance(forward=on)", FORWARD, {"height_rms": 1.0, "k_dd": 0.0}, "correlation_length"),
+        ("cook-torrance(fresnel=colour-shift)", TINTED, {"specular": 1.0}, "f0_mean"),
+    ],
+)
+def test_a_lobe_seen_forward_only_determines_what_shapes_it(
+    expression: str, values: dict[str, float], fix: dict[str, float], name: str
+) -> None:
+    capture = NINE.photograph(material(expression, **values), seed=7)
+    found = matest.estimate(capture, expression, fix=fix).parameters[name]
+    assert found.status == "determined"
+    assert found.std < 0.01 * values[name]
+    assert abs(found.value - values[name]) < 4 * found.std + 1e-4 * values[name]
 
 
 def test_a_length_given_by_the_user_makes_the_other_a_number() -> None:

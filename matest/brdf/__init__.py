@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from matest.brdf.base import Brdf, Sum, Term
+from matest.brdf.base import Brdf, Sum
 from matest.brdf.blinn_phong import BlinnPhong
 from matest.brdf.cook_torrance import CookTorrance
 from matest.brdf.eon import Eon
@@ -27,6 +27,7 @@ from matest.brdf.oren_nayar_qualitative import OrenNayarQualitative
 from matest.brdf.oren_nayar_single_slope import OrenNayarSingleSlope
 from matest.brdf.presets import PRESETS, preset
 from matest.brdf.rough_surface import unmasked_angle
+from matest.brdf.terms import Term
 from matest.brdf.torrance_sparrow import TorranceSparrow
 from matest.brdf.ward import Ward
 from matest.parameters import options_of

@@ -6,65 +6,18 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from functools import cache, cached_property
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor
 
+from matest.brdf.structure import Structure, joined, structure_of
+from matest.brdf.terms import Term
 from matest.directions import Directions, above_horizon
 from matest.errors import InputError, nearest
 from matest.parameters import Parameter, options_of, parameters_of
 
-
-class Term(NamedTuple):
-    """One summand of a model: (product of the parameters, or their complements, named in `factors`) · `shape`.
-
-    `shape` [..., 1 or C] in 1/sr depends on the directions and on the remaining (non-linear) parameters only. This is
-    what lets an estimator eliminate the amplitudes: a model is a polynomial in its factors.
-
-    Where directions and parameters separate, `shape` = Σq weights_q · images_q, the `images` [..., Q] depend on the
-    directions alone and the `weights` [Q], or [..., 1 or C, Q], on the parameters alone (see `mixture`). An estimator
-    then walks over the samples once, whatever the number of parameter values that it tries.
-    """
-
-    factors: tuple[str, ...]
-    shape: Tensor
-    images: Tensor | None = None
-    weights: Tensor | None = None
-
-
-_REST = "1 - "
-
-
-def rest_of(name: str) -> str:
-    """The factor 1 − (the parameter of that name)."""
-    return _REST + name
-
-
-def named_by(factor: str) -> str:
-    """The parameter that a factor is made of."""
-    return factor.removeprefix(_REST)
-
-
-def factor_value(factor: str, values: Mapping[str, Tensor]) -> Tensor:
-    value = values[named_by(factor)]
-    return 1 - value if factor.startswith(_REST) else value
-
-
-def factor_slope(factor: str) -> float:
-    """Derivative of a factor by its parameter."""
-    return -1.0 if factor.startswith(_REST) else 1.0
-
-
-def mixture(factors: tuple[str, ...], images: Tensor, weights: Tensor) -> Term:
-    """The term Σq weights_q · images_q, times its factors; shapes as in `Term`."""
-    if weights.ndim == 1:
-        shape = images @ weights[:, None]
-    elif weights.ndim == 2:
-        shape = images @ weights.mT
-    else:
-        shape = (images.unsqueeze(-2) * weights).sum(-1)
-    return Term(factors, shape, images, weights)
+Options = tuple[tuple[str, str], ...]
 
 
 class Brdf:
@@ -112,7 +65,7 @@ class Brdf:
     def declared(self) -> dict[str, Parameter]:
         """Declarations by name (in a sum: by path, `lambert.albedo`) of the parameters that exist under the options."""
         kind: type = type(self)
-        return _declared(kind, tuple((name, getattr(self, name)) for name in options_of(kind)))
+        return _declared(kind, _options(self))
 
     @property
     def parameters(self) -> dict[str, Tensor]:
@@ -125,44 +78,10 @@ class Brdf:
         return self
 
     @property
-    def products(self) -> list[tuple[str, ...]]:
-        """The factors of each term."""
-        normal = torch.tensor([[0.0, 0.0, 1.0]])
-        anywhere = self.replace({name: torch.tensor(0.5) for name in self.declared})
-        return [term.factors for term in anywhere.terms(Directions(normal, normal))]
-
-    def carriers(self, shape: str) -> list[tuple[str, ...]]:
-        """The factors of each of the terms that depend on the shape parameter `shape`."""
-        wi, wo = torch.tensor([[[0.3, 0.2, 0.93], [0.7, 0.1, 0.7]], [[-0.2, 0.4, 0.89], [0.5, -0.4, 0.77]]])
-        directions = Directions(wi, wo)
-        middle = {name: torch.tensor(0.5) for name in self.declared}
-        here, there = (self.replace({**middle, shape: torch.tensor(v)}).terms(directions) for v in (0.4, 0.6))
-        pairs = zip(here, there, strict=True)
-        return [one.factors for one, other in pairs if not torch.equal(one.shape, other.shape)]
-
-    @property
-    def anisotropic(self) -> bool:
-        """Whether reflection changes when light and viewer turn together about the normal."""
-        # Two pairs, one of them near the mirror direction where narrow lobes live, and both turned by 90°.
-        wi = torch.tensor([[0.48, 0.36, 0.8], [0.48, 0.36, 0.8], [-0.36, 0.48, 0.8], [-0.36, 0.48, 0.8]])
-        wo = torch.tensor([[-0.6, 0.64, 0.48], [-0.48, -0.352, 0.8035], [-0.64, -0.6, 0.48], [0.352, -0.48, 0.8035]])
-        # No two parameters alike, or what tells tangent from bitangent would not show.
-        values = {name: torch.tensor(0.3 + 0.03 * place) for place, name in enumerate(self.declared)}
-        terms = self.replace(values).terms(Directions(wi, wo))
-        shapes = [term.shape.expand(4, -1) for term in terms]
-        return any(not torch.allclose(shape[:2], shape[2:], rtol=1e-3, atol=0) for shape in shapes)
-
-    @property
-    def factors(self) -> set[str]:
-        """Names of the parameters that only multiply shapes: the amplitudes."""
-        return {named_by(factor) for factors in self.products for factor in factors}
-
-    @property
-    def scales(self) -> set[str]:
-        """Names of the amplitudes that can carry an unknown scale of the light: 1 − x of them is used nowhere."""
-        used = {factor for product in self.products for factor in product}
-        coloured = {name for name, declared in self.declared.items() if declared.per_channel}
-        return {name for name in used & coloured if rest_of(name) not in used}
+    def structure(self) -> Structure:
+        """What depends on what: the factors of every term, the parameters that its shape depends on."""
+        kind: type = type(self)
+        return _structure(kind, _options(self))
 
     @property
     def expression(self) -> str:
@@ -196,10 +115,10 @@ class Brdf:
         """Values [..., C] at directions above the horizon."""
         values = self.parameters
         total: Tensor | float = 0.0
-        for factors, shape, *_ in self.terms(directions):
+        for term in self.terms(directions):
             # Factors first: one pass over the directions a term.
-            scale = math.prod((factor_value(factor, values) for factor in factors), start=1.0)
-            total = total + shape * scale
+            scale = math.prod((factor.value(values) for factor in term.factors), start=1.0)
+            total = total + term.shape * scale
         # Fitted polynomials dip below zero near double grazing; a reflectance cannot.
         return torch.as_tensor(total).clamp(min=0)
 
@@ -239,6 +158,10 @@ class Sum(Brdf):
     def declared(self) -> dict[str, Parameter]:
         return {f"{name}.{key}": value for name, part in self._by_name.items() for key, value in part.declared.items()}
 
+    @cached_property
+    def structure(self) -> Structure:
+        return joined({name: part.structure for name, part in self._by_name.items()})
+
     @property
     def parameters(self) -> dict[str, Tensor]:
         return {
@@ -263,11 +186,7 @@ class Sum(Brdf):
         return Sum(tuple(part.ordered for part in self.components))
 
     def terms(self, directions: Directions) -> tuple[Term, ...]:
-        return tuple(
-            term._replace(factors=tuple(_path(name, factor) for factor in term.factors))
-            for name, part in self._by_name.items()
-            for term in part.terms(directions)
-        )
+        return tuple(term.within(name) for name, part in self._by_name.items() for term in part.terms(directions))
 
 
 def absent(brdf: Brdf, name: str) -> str | None:
@@ -281,9 +200,19 @@ def absent(brdf: Brdf, name: str) -> str | None:
 
 
 @cache
-def _declared(kind: type, options: tuple[tuple[str, str], ...]) -> dict[str, Parameter]:
+def _declared(kind: type, options: Options) -> dict[str, Parameter]:
     found = {name: declared.under(dict(options)) for name, declared in parameters_of(kind).items()}
     return {name: declared for name, declared in found.items() if declared is not None}
+
+
+@cache
+def _structure(kind: type[Brdf], options: Options) -> Structure:
+    model = kind(**dict(options))
+    return structure_of(model.declared, model.parameters, lambda values, pair: model.replace(values).terms(pair))
+
+
+def _options(brdf: Brdf) -> Options:
+    return tuple((name, getattr(brdf, name)) for name in options_of(type(brdf)))
 
 
 def _as_choice(value: Any) -> Any:
@@ -295,11 +224,6 @@ def _as_choice(value: Any) -> Any:
 
 def _same(value: Any, default: float) -> bool:
     return not (isinstance(value, (list, tuple)) or (isinstance(value, Tensor) and value.ndim)) and value == default
-
-
-def _path(component: str, factor: str) -> str:
-    path = f"{component}.{named_by(factor)}"
-    return rest_of(path) if factor.startswith(_REST) else path
 
 
 def _components(brdf: Brdf) -> tuple[Brdf, ...]:

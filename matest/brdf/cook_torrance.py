@@ -9,9 +9,10 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from matest.brdf.base import Brdf, Term, rest_of
+from matest.brdf.base import Brdf
 from matest.brdf.fresnel import colour_shift_weight, conductor, dielectric, schlick_weight
 from matest.brdf.microfacet import beckmann, gaussian, ggx, smith_beckmann, smith_ggx, v_cavity
+from matest.brdf.terms import Factor, Term, complement_of
 from matest.directions import Directions
 from matest.parameters import interval, option, parameter, unit_interval
 
@@ -21,10 +22,10 @@ _DISTRIBUTION = {"beckmann": beckmann, "gaussian": gaussian, "ggx": ggx}
 _SMITH = {"beckmann": smith_beckmann, "ggx": smith_ggx}
 
 # Factors that weigh each of the lobes.
-_SHARES: dict[str, list[tuple[str, ...]]] = {
+_SHARES: dict[str, list[tuple[str | Factor, ...]]] = {
     "1": [()],
-    "2": [(rest_of("weight_2"),), ("weight_2",)],
-    "3": [(rest_of("weight_2"),), ("weight_2", rest_of("weight_3")), ("weight_2", "weight_3")],
+    "2": [(complement_of("weight_2"),), ("weight_2",)],
+    "3": [(complement_of("weight_2"),), ("weight_2", complement_of("weight_3")), ("weight_2", "weight_3")],
 }
 
 _SLOPE = interval(1e-3, 1)
@@ -137,7 +138,7 @@ class CookTorrance(Brdf):
 
     def terms(self, directions: Directions) -> tuple[Term, ...]:
         body = torch.full_like(directions.cos_i * directions.cos_o, 1 / math.pi)
-        out = [Term((rest_of("specular"), "diffuse") if self.weights == "complementary" else ("diffuse",), body)]
+        out = [Term((complement_of("specular"), "diffuse") if self.weights == "complementary" else ("diffuse",), body)]
         for weight, lobe in self._lobes(directions):
             for factors, reflectance in self._reflectances(directions):
                 out.append(Term(("specular", *weight, *factors), lobe * reflectance))
@@ -162,7 +163,7 @@ class CookTorrance(Brdf):
             values["weight_3"] = shares[2] / rest.clamp(min=1e-12)
         return self.replace({"slope": slope, "weight_2": rest, **values})
 
-    def _lobes(self, directions: Directions) -> list[tuple[tuple[str, ...], Tensor]]:
+    def _lobes(self, directions: Directions) -> list[tuple[tuple[str | Factor, ...], Tensor]]:
         """D G / (4 cos θi cos θr) of every lobe, and the factors that weigh it."""
         slopes = [self.slope, self.slope_2, self.slope_3][: int(self.lobes)]
         scale = _NORMALISATION[self.normalisation]
@@ -173,7 +174,7 @@ class CookTorrance(Brdf):
             lobes.append(_DISTRIBUTION[self.distribution](directions, slope) * masked)
         return list(zip(_SHARES[self.lobes], lobes, strict=True))
 
-    def _reflectances(self, directions: Directions) -> list[tuple[tuple[str, ...], Tensor]]:
+    def _reflectances(self, directions: Directions) -> list[tuple[tuple[str | Factor, ...], Tensor]]:
         """F, apart by factors where it is linear in f0."""
         cos_d = directions.cos_d
         if self.fresnel == "dielectric":
@@ -182,4 +183,4 @@ class CookTorrance(Brdf):
             return [((), conductor(cos_d, self.eta, self.k))]
         shift = self.fresnel == "colour-shift"
         risen = colour_shift_weight(cos_d, self.f0_mean) if shift else schlick_weight(directions.short_d)
-        return [(("f0",), torch.ones_like(risen)), ((rest_of("f0"),), risen)]
+        return [(("f0",), torch.ones_like(risen)), ((complement_of("f0"),), risen)]

@@ -9,9 +9,10 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from matest.brdf.base import Brdf, Term, rest_of
+from matest.brdf.base import Brdf
 from matest.brdf.fresnel import schlick_weight
 from matest.brdf.li_torrance import mirror_kernel
+from matest.brdf.terms import Term, complement_of
 from matest.directions import Directions
 from matest.parameters import interval, option, parameter, unit_interval
 
@@ -74,8 +75,7 @@ class HeTorrance(Brdf):
         effective = height * effective_roughness(half_inverse, cot_i, cot_o)
         total = cos_i + cos_o
         g = (2 * math.pi * effective / wavelength * total).square()
-        x, y = (slope.double() for slope in d.half_slopes)
-        across2 = (x * x + y * y) * d.half_z.double().square() * (math.pi * length / wavelength).square()
+        across2 = d.tan2_half.double() * d.half_z.double().square() * (math.pi * length / wavelength).square()
         shape = (math.pi * length / (2 * wavelength)).square() * series(g, across2)
         geometry = (d.half_squared.double() / total).square()
         masked = smith_masking(half_inverse * cot_i) * smith_masking(half_inverse * cot_o)
@@ -87,7 +87,7 @@ class HeTorrance(Brdf):
         return (
             Term(("k_ud",), body),
             Term(("k_dd", "f0"), lobe),
-            Term(("k_dd", rest_of("f0")), lobe * schlick_weight(d.short_d)),
+            Term(("k_dd", complement_of("f0")), lobe * schlick_weight(d.short_d)),
         )
 
 

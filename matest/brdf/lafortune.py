@@ -9,8 +9,9 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from matest.brdf.base import Brdf, Term
+from matest.brdf.base import Brdf
 from matest.brdf.microfacet import decay
+from matest.brdf.terms import Term
 from matest.directions import Directions
 from matest.parameters import interval, parameter, unit_interval
 

@@ -9,10 +9,11 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from matest.brdf.base import Brdf, Term, rest_of
+from matest.brdf.base import Brdf
 from matest.brdf.fresnel import schlick_weight
 from matest.brdf.microfacet import decay
 from matest.brdf.rough_surface import HEIGHT, Roughness, RoughSurface
+from matest.brdf.terms import Term, complement_of
 from matest.directions import Directions
 from matest.parameters import interval, option, parameter, unit_interval
 
@@ -234,7 +235,7 @@ class LiTorrance(RoughSurface):
 
 
 def _directional(lobe: Tensor, directions: Directions) -> tuple[Term, ...]:
-    return Term(("k_dd", "f0"), lobe), Term(("k_dd", rest_of("f0")), lobe * schlick_weight(directions.short_d))
+    return Term(("k_dd", "f0"), lobe), Term(("k_dd", complement_of("f0")), lobe * schlick_weight(directions.short_d))
 
 
 def _transmitted(directions: Directions) -> Tensor:
@@ -250,7 +251,7 @@ def _entered(cos: Tensor) -> Tensor:
 
 
 def _subsurface(entered: Tensor) -> Term:
-    return Term(("k_uds", rest_of("f0"), rest_of("f0")), entered)
+    return Term(("k_uds", complement_of("f0"), complement_of("f0")), entered)
 
 
 def _forward(roughness: Roughness, directions: Directions, entered: Tensor, law: str) -> Term:
@@ -261,7 +262,7 @@ def _forward(roughness: Roughness, directions: Directions, entered: Tensor, law:
         exponent = 0.5 * (exponent + _tan2(ahead, d.crosswise, d.sin_o, d.cos_i) * _inverse(roughness, d, 1))
     # All derivatives vanish where the lobe ends.
     lobe = decay(exponent) * torch.sign(ahead) * (1 - d.cos_i) * (1 - d.cos_o) * entered
-    return Term(("k_fs", rest_of("f0"), rest_of("f0")), lobe)
+    return Term(("k_fs", complement_of("f0"), complement_of("f0")), lobe)
 
 
 def _tan2(ahead: Tensor, crosswise: Tensor, sin_i: Tensor, cos_o: Tensor) -> Tensor:
@@ -290,7 +291,7 @@ def _coherent(roughness: Roughness, directions: Directions, share: Tensor, solid
     # S from S/(4 cos θi cos θr).
     unmasked = roughness.masked * 4 * d.cos_i * d.cos_o
     lobe = unmasked * share * mirror_kernel(d, solid_angle) * 2 / (d.cos_i + d.cos_o).clamp(min=1e-4)
-    return Term(("k_dd", "f0"), lobe), Term(("k_dd", rest_of("f0")), lobe * schlick_weight(d.short_d))
+    return Term(("k_dd", "f0"), lobe), Term(("k_dd", complement_of("f0")), lobe * schlick_weight(d.short_d))
 
 
 def mirror_kernel(directions: Directions, solid_angle: Tensor) -> Tensor:

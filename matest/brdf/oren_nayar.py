@@ -9,7 +9,8 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from matest.brdf.base import Brdf, Term, mixture
+from matest.brdf.base import Brdf
+from matest.brdf.terms import Term, mixture
 from matest.directions import Directions
 from matest.parameters import interval, non_negative, parameter, unit_interval
 

@@ -13,7 +13,8 @@ from scipy.special import roots_legendre
 from torch import Tensor
 
 from matest.brdf import groove
-from matest.brdf.base import Brdf, Term, mixture
+from matest.brdf.base import Brdf
+from matest.brdf.terms import Term, mixture
 from matest.directions import Directions
 from matest.parameters import interval, non_negative, option, parameter, unit_interval
 
@@ -37,7 +38,7 @@ class OrenNayarExact(Brdf):
     `albedo` ρ is the albedo of a facet, `sigma` σ (rad) the width of the Gaussian slope-area distribution;
     `interreflection` as in `OrenNayar`. Shapes as `Brdf`.
 
-    The nodes do not depend on σ: the images of the nodes depend on geometry alone, σ only weighs them, and a fit costs
+    The nodes do not depend on σ: the columns of the nodes depend on geometry alone, σ only weighs them, and a fit costs
     one pass over the samples. `nodes` = slopes × orientations. Largest and rms deviation from the converged integral
     up to 80° from the normal, σ 1° to 70°, in units of the Lambert radiance: `16x16` 7e-3 and 1e-3, `24x32`
     (default) 3e-3 and 4e-4, `48x64` 4e-4 and 1e-4.
@@ -66,10 +67,10 @@ class OrenNayarExact(Brdf):
         once, twice = _NODES[self.nodes]
         spread = self.sigma.clamp(min=_SIGMA_FLOOR)
         return (
-            mixture(("albedo",), _images(directions, *once, _direct), _weights(spread, once[0])),
+            mixture(("albedo",), _columns(directions, *once, _direct), _weights(spread, once[0])),
             mixture(
                 ("albedo", "albedo", "interreflection"),
-                _images(directions, *twice, groove.interreflection),
+                _columns(directions, *twice, groove.interreflection),
                 _weights(spread, twice[0]),
             ),
         )
@@ -79,7 +80,7 @@ def _direct(_: Tensor, cos_t: Tensor, p: Tensor, q: Tensor) -> Tensor:
     return groove.direct(cos_t, p, q)
 
 
-def _images(directions: Directions, slopes: int, orientations: int, bounce: Groove) -> Tensor:
+def _columns(directions: Directions, slopes: int, orientations: int, bounce: Groove) -> Tensor:
     """Mean over orientations of grooves of every slope node, [..., Q].
 
     Orientations are counted from the direction halfway between the azimuths of L and V: the rule itself is isotropic.
@@ -96,13 +97,13 @@ def _images(directions: Directions, slopes: int, orientations: int, bounce: Groo
     sin2_t = t.sin().square().to(like.device, like.dtype)[:, None]
     cos_psi, sin_psi = psi.cos().to(like.device, like.dtype), psi.sin().to(like.device, like.dtype)
     rows = [part.reshape(-1, 1).split(max(_TILE // (slopes * orientations), 1)) for part in parts]
-    images = []
+    columns = []
     for i_cos, i_sin, o_cos, o_sin in zip(*rows, strict=True):
         # L stands half the difference of azimuths on one side of ψ = 0, V on the other.
         p = 0.5 + (0.5 * tan_t) * (i_cos * cos_psi + i_sin * sin_psi)[:, None]
         q = 0.5 + (0.5 * tan_t) * (o_cos * cos_psi - o_sin * sin_psi)[:, None]
-        images.append(bounce(sin2_t, cos_t, p, q).mean(-1))
-    return torch.cat(images).reshape(*lead, slopes)
+        columns.append(bounce(sin2_t, cos_t, p, q).mean(-1))
+    return torch.cat(columns).reshape(*lead, slopes)
 
 
 def _weights(sigma: Tensor, slopes: int) -> Tensor:

@@ -9,7 +9,8 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from matest.brdf.base import Brdf, Term, mixture
+from matest.brdf.base import Brdf
+from matest.brdf.terms import Term, mixture
 from matest.directions import Directions
 from matest.parameters import interval, parameter, unit_interval
 
@@ -43,5 +44,5 @@ class OrenNayarQualitative(Brdf):
         b = 0.45 * s2 / (s2 + 0.09)
         cos_beta = torch.maximum(directions.cos_i, directions.cos_o).clamp(min=1e-6)
         backward = directions.tangential.clamp(min=0) / cos_beta
-        images = torch.cat([torch.ones_like(backward), backward], dim=-1)
-        return (mixture(("albedo",), images, torch.stack([a, b], dim=-1) / math.pi),)
+        columns = torch.cat([torch.ones_like(backward), backward], dim=-1)
+        return (mixture(("albedo",), columns, torch.stack([a, b], dim=-1) / math.pi),)

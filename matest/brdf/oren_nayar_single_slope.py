@@ -9,7 +9,8 @@ from typing import ClassVar
 from torch import Tensor
 
 from matest.brdf import groove
-from matest.brdf.base import Brdf, Term
+from matest.brdf.base import Brdf
+from matest.brdf.terms import Term
 from matest.directions import Directions
 from matest.parameters import interval, non_negative, option, parameter, unit_interval
 

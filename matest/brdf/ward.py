@@ -9,8 +9,9 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from matest.brdf.base import Brdf, Term
-from matest.brdf.microfacet import beckmann_anisotropic
+from matest.brdf.base import Brdf
+from matest.brdf.microfacet import beckmann, beckmann_anisotropic
+from matest.brdf.terms import Term
 from matest.directions import Directions
 from matest.parameters import interval, option, parameter, unit_interval
 
@@ -50,8 +51,8 @@ class Ward(Brdf):
 
     def terms(self, directions: Directions) -> tuple[Term, ...]:
         d = directions
-        slopes = (self.slope, self.slope) if self.anisotropy == "none" else (self.slope_x, self.slope_y)
-        distribution = beckmann_anisotropic(d, *slopes)
+        isotropic = self.anisotropy == "none"
+        distribution = beckmann(d, self.slope) if isotropic else beckmann_anisotropic(d, self.slope_x, self.slope_y)
         if self.form == "bounded":
             lobe = distribution / d.half_squared
         else:

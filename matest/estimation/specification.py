@@ -71,10 +71,7 @@ def specify(
     fixed = {name: _value(brdf, name, value, channels) for name, value in told.items()}
     ties = {resolve(brdf, name): resolve(brdf, source) for name, source in constraints.tie.items()}
     for name, source in ties.items():
-        kinds = [
-            (path in brdf.factors, brdf.declared[path].unit, brdf.declared[path].per_channel) for path in (name, source)
-        ]
-        if kinds[0] != kinds[1]:
+        if _kind(brdf, name) != _kind(brdf, source):
             raise InputError(
                 f"--tie {name}={source}: these two are of different kinds (one scales a lobe or has a value per "
                 "channel, the other does not); only like parameters can be tied."
@@ -192,12 +189,18 @@ def _beside_body(brdf: Brdf, name: str) -> bool:
     return name.endswith(".diffuse") and any(component.body for component in others)
 
 
+def _kind(brdf: Brdf, name: str) -> tuple[bool, str, bool]:
+    """What parameters must have in common to be tied."""
+    declared = brdf.declared[name]
+    return name in brdf.structure.amplitudes, declared.unit, declared.per_channel
+
+
 def _check_scale(brdf: Brdf, free: Sequence[str], held: Mapping[str, Tensor], ties: Mapping[str, str]) -> None:
     """Under lights of unknown strength every term needs an amplitude that can take up their scale."""
-    scales = brdf.scales & {*free}
-    for product in brdf.products:
-        sources = {ties.get(factor, factor) for factor in product}
-        dark = any(factor in held and not bool(held[factor].any()) for factor in product)
+    scales = brdf.structure.scales & {*free}
+    for product in brdf.structure.products:
+        sources = {ties.get(factor.name, factor.name) for factor in product if not factor.complement}
+        dark = any(factor.name in held and not bool(factor.value(held).any()) for factor in product)
         if not dark and not sources & scales:
             raise InputError(
                 f"{brdf.expression}: the strength of the lights is unknown (relative radiometry), and nothing in this "

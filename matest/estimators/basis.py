@@ -17,7 +17,7 @@ import torch
 from torch import Tensor
 
 from matest.brdf import Brdf, Term
-from matest.brdf.base import factor_slope, factor_value, named_by
+from matest.brdf.terms import Product
 from matest.directions import Directions
 from matest.estimators.columns import Columns, light_columns
 from matest.estimators.unknowns import Problem
@@ -153,11 +153,11 @@ class TangentBasis(Basis):
         with torch.set_grad_enabled(bool(leaves)):
             terms = problem.brdf.replace(values).terms(directions)
             slopes: dict[str, list[Tensor | None]] = {name: [] for name in leaves}
-            for _, shape, *_ in terms if leaves else ():
+            for term in terms if leaves else ():
                 found: tuple[Tensor | None, ...] = (None,) * len(leaves)
-                if shape.requires_grad:
+                if term.shape.requires_grad:
                     found = torch.autograd.grad(
-                        shape.sum(), list(leaves.values()), retain_graph=True, allow_unused=True
+                        term.shape.sum(), list(leaves.values()), retain_graph=True, allow_unused=True
                     )
                 for name, slope in zip(leaves, found, strict=True):
                     slopes[name].append(slope)
@@ -206,7 +206,7 @@ class SeparatedBasis(Basis):
         values = {name: value.to(like.device, like.dtype) for name, value in self._values.items()}
         shapes: list[Tensor] = []
         for term in self._problem.brdf.replace(values).terms(directions):
-            shapes += [term.shape] if term.images is None else term.images.split(1, dim=-1)
+            shapes += [term.shape] if term.columns is None else term.columns.split(1, dim=-1)
         return shapes
 
     def _lit_shapes(self, tile: Tile) -> list[Tensor]:
@@ -239,18 +239,10 @@ class NodesBasis(Basis):
         return [shape.expand(self._count, *lead, shape.shape[-1]) for shape in shapes]
 
 
-def separates(problem: Problem) -> bool:
-    """Whether no column depends on a parameter that is estimated."""
-    terms, _ = _probe(problem, problem.anywhere, 1)
-    return all(
-        term.images is not None or (term.shape.shape[-1] == 1 and not term.shape.requires_grad) for term in terms
-    )
-
-
 def coefficients(problem: Problem, unknowns: Tensor) -> Coefficients:
     """The coefficients and their derivatives at `unknowns` u [P], of a problem that `separates`."""
     values = problem.values(unknowns)
-    sizes = problem.images
+    sizes = problem.brdf.structure.columns
     # Each column has its own copy of the shape parameters: one reverse pass a term yields all derivatives.
     terms, leaves = _probe(problem, unknowns, max(sizes))
     totals = []
@@ -278,11 +270,11 @@ def coefficients(problem: Problem, unknowns: Tensor) -> Coefficients:
     return Coefficients(total, torch.stack(stacked, dim=-1) if stacked else total.new_zeros(*total.shape, 0))
 
 
-def mixture(problem: Problem, unknowns: Tensor) -> tuple[list[tuple[str, ...]], list[Tensor]]:
+def mixture(problem: Problem, unknowns: Tensor) -> tuple[list[Product], list[Tensor]]:
     """The factors of each term, and the weights of its columns at unit amplitude [C, Q]."""
     terms, _ = _probe(problem, unknowns, 1)
     out = []
-    for term, size in zip(terms, problem.images, strict=True):
+    for term, size in zip(terms, problem.brdf.structure.columns, strict=True):
         weights = torch.ones(1, 1, dtype=torch.float64) if term.weights is None else term.weights
         weights = weights[0] if weights.ndim == 3 else weights
         out.append(weights.detach().expand(problem.channels, size))
@@ -303,20 +295,18 @@ def _probe(problem: Problem, unknowns: Tensor, copies: int) -> tuple[tuple[Term,
         return problem.brdf.replace(values).terms(Directions(normal, normal)), leaves
 
 
-def product(values: Mapping[str, Tensor], factors: tuple[str, ...]) -> Tensor:
+def product(values: Mapping[str, Tensor], factors: Product) -> Tensor:
     """The product of some factors."""
     out = torch.ones_like(next(iter(values.values())))
     for factor in factors:
-        out = out * factor_value(factor, values)
+        out = out * factor.value(values)
     return out
 
 
-def derivative(
-    values: Mapping[str, Tensor], ties: Mapping[str, str], factors: tuple[str, ...], name: str
-) -> Tensor | float:
+def derivative(values: Mapping[str, Tensor], ties: Mapping[str, str], factors: Product, name: str) -> Tensor | float:
     """Derivative of a product of factors by a parameter (and by those tied to it)."""
     total: Tensor | float = 0.0
     for position, factor in enumerate(factors):
-        if name in (named_by(factor), ties.get(named_by(factor))):
-            total = total + factor_slope(factor) * product(values, factors[:position] + factors[position + 1 :])
+        if name in (factor.name, ties.get(factor.name)):
+            total = total + factor.slope * product(values, factors[:position] + factors[position + 1 :])
     return total

@@ -9,7 +9,6 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from matest.estimators.basis import separates
 from matest.estimators.covariance import fisher
 from matest.estimators.levenberg_marquardt import Solution, at_bound, minimise
 from matest.estimators.one_step import CLOSE, settled, single_step
@@ -158,7 +157,7 @@ def fit(
         tiles = samples.tiles(residual_scale)
         evaluate = passes_over(found.problem, tiles, reference, reference, residual_scale)
         first = evaluate(reference)
-        one_step = None if separates(found.problem) else single_step(found, first)
+        one_step = None if found.problem.separates else single_step(found, first)
         found = one_step or minimise(found.problem, reference, evaluate, passes=_PASSES, tolerance=CLOSE, first=first)
         found = replace(found, residual_scale=residual_scale, tiles=tiles)
     return replace(found, unknowns=found.problem.wrapped(found.unknowns))

@@ -5,14 +5,14 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from matest.brdf.base import factor_slope, factor_value, named_by
+from matest.brdf.terms import Product
 from matest.estimators.unknowns import Problem
 
 _ITERATIONS = 20
 
 
 def amplitudes(
-    problem: Problem, factors: list[tuple[str, ...]], gram: Tensor, moment: Tensor, gauges: dict[str, Tensor]
+    problem: Problem, products: list[Product], gram: Tensor, moment: Tensor, gauges: dict[str, Tensor]
 ) -> tuple[Tensor, Tensor]:
     """Best amplitudes for fixed shapes, and the drop in cost that they bring.
 
@@ -21,7 +21,7 @@ def amplitudes(
 
     Args:
         problem: gives the bounds of the amplitudes.
-        factors: names multiplied into each of the K coefficients.
+        products: the factors of each of the K coefficients.
         gram: M = φᵀWφ of every problem and channel [G, C, K, K].
         moment: b = φᵀWy [G, C, K].
         gauges: values [G, 1] of factors that are shared by the channels and so not solved for.
@@ -38,17 +38,17 @@ def amplitudes(
 
     def coefficients(a: Tensor) -> tuple[Tensor, Tensor]:
         g, dg = [], []
-        for product in factors:
+        for product in products:
             value = torch.ones(lead, dtype=torch.float64)
             slope = torch.zeros(*lead, len(names), dtype=torch.float64)
             for factor in product:
-                name = problem.ties.get(named_by(factor), named_by(factor))
+                name = problem.ties.get(factor.name, factor.name)
                 column = names.index(name) if name in names else None
                 known = constants[name].expand(lead) if column is None else a[..., column]
-                own = factor_value(factor, {named_by(factor): known})
+                own = factor.value({factor.name: known})
                 slope = slope * own[..., None]
                 if column is not None:
-                    slope[..., column] += factor_slope(factor) * value
+                    slope[..., column] += factor.slope * value
                 value = value * own
             g.append(value)
             dg.append(slope)

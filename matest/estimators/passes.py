@@ -8,7 +8,7 @@ from functools import partial
 import torch
 from torch import Tensor
 
-from matest.estimators.basis import Basis, SeparatedBasis, TangentBasis, coefficients, separates
+from matest.estimators.basis import Basis, SeparatedBasis, TangentBasis, coefficients
 from matest.estimators.columns import Columns
 from matest.estimators.compressed import Compressed
 from matest.estimators.moments import Moments, joined, moments, nothing
@@ -93,7 +93,7 @@ def passes_over(
 
     Arguments are those of `compress`.
     """
-    if separates(problem):
+    if problem.separates:
         return partial(statistics, problem, compress(problem, tiles, origin, reference, residual_scale))
     return partial(accumulate, problem, tiles=tiles, reference=reference, residual_scale=residual_scale)
 
@@ -101,7 +101,7 @@ def passes_over(
 def radiances(problem: Problem, unknowns: Tensor) -> Callable[[Tile], Tensor]:
     """The model's radiance [n, C] of any tile at u [P]."""
     basis: Basis
-    if separates(problem):
+    if problem.separates:
         basis = SeparatedBasis(problem, unknowns)
     else:
         basis = TangentBasis(problem, unknowns, derivatives=False)

@@ -10,7 +10,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from matest.estimators.basis import NodesBasis, TangentBasis, mixture, separates
+from matest.brdf.terms import Product
+from matest.estimators.basis import NodesBasis, TangentBasis, mixture
 from matest.estimators.compressed import Compressed
 from matest.estimators.linear import amplitudes
 from matest.estimators.moments import joined, moments
@@ -103,7 +104,7 @@ def search(problem: Problem, batches: list[Batch], compressed: Compressed | None
     )
 
 
-Normal = tuple[list[tuple[str, ...]], Tensor, Tensor]
+Normal = tuple[list[Product], Tensor, Tensor]
 
 
 def normal_equations(
@@ -113,7 +114,7 @@ def normal_equations(
 
     The likelihood is expanded about the model's radiance for `reference` u [P]; None: for a first guess.
     """
-    if separates(problem):
+    if problem.separates:
         return _mixed(problem, compress(problem, in_memory(batches), None, reference), points)
     return _evaluated(problem, batches, points, reference)
 
@@ -150,7 +151,7 @@ def _repeated(view: LeastSquares, times: int) -> LeastSquares:
 def _mixed(problem: Problem, compressed: Compressed, points: list[Tensor]) -> Normal:
     """From the moments of the images."""
     gram, moment = (part.sum(0) for part in (compressed.moments.gram, compressed.moments.moment))
-    factors: list[tuple[str, ...]] = []
+    factors: list[Product] = []
     mixtures = []
     for unknowns in points:
         factors, weights = mixture(problem, unknowns)

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from matest.errors import InputError
-from matest.estimators.basis import TangentBasis, separates
+from matest.estimators.basis import TangentBasis
 from matest.estimators.levenberg_marquardt import Solution, minimise
 from matest.estimators.passes import accumulate, compress, statistics
 from matest.estimators.search import search
@@ -48,7 +48,7 @@ def first_guesses(problem: Problem, batches: list[Batch], start: Tensor | None) 
         tile = Tile(view)
         settled = replace(tile, least_squares=tile.first_guess())
         # Moments of images that no unknown touches serve the search and every descent from it.
-        compressed = compress(problem, in_memory([settled]), None, None) if separates(problem) else None
+        compressed = compress(problem, in_memory([settled]), None, None) if problem.separates else None
         starts = [] if start is None else [start]
         if start is None:
             found = search(problem, [view], compressed)

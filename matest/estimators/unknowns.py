@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from matest.brdf import Brdf
-from matest.directions import Directions
+from matest.brdf.terms import Factor
 from matest.estimators.statistics import PriorTerms
 from matest.parameters import Domain, Parameter, non_negative
 from matest.samples import Groups
@@ -143,15 +143,15 @@ class Problem:
     @cached_property
     def factors(self) -> set[str]:
         """Parameters, free or not, that only multiply shapes."""
-        return {self.ties.get(name, name) for name in self.brdf.factors}
+        return {self.ties.get(name, name) for name in self.brdf.structure.amplitudes}
 
     @cached_property
-    def images(self) -> list[int]:
-        """Number of columns that each term is a mixture of."""
-        normal = torch.tensor([[0.0, 0.0, 1.0]])
-        anywhere = self.brdf.replace({name: torch.tensor(0.5) for name in self.brdf.declared})
-        terms = anywhere.terms(Directions(normal, normal))
-        return [1 if term.images is None else term.images.shape[-1] for term in terms]
+    def separates(self) -> bool:
+        """Whether no column of the model depends on a parameter that is estimated."""
+        terms = self.brdf.structure.terms
+        sources = {self.ties.get(name, name) for term in terms for name in term.column_parameters}
+        # A held one with a value per channel makes columns of one per channel.
+        return all(name in self.held and self.held[name].numel() == 1 for name in sources)
 
     def declared(self, name: str) -> Parameter:
         return self.brdf.declared[name]
@@ -184,9 +184,9 @@ class Problem:
     def limit_of_gauges(self, unknowns: Tensor) -> float:
         """The largest gauge with which no facet reflects more than all light: 1 / (brightest albedo beside it)."""
         values = self.values(unknowns)
-        gauges = {name for name in self.brdf.declared if self.ties.get(name, name) in self.gauges}
-        beside = {factor for product in self.brdf.products if {*product} & gauges for factor in product}
-        brightest = max((float(values[name].max()) for name in beside - gauges), default=0.0)
+        gauges = {Factor(name) for name in self.brdf.declared if self.ties.get(name, name) in self.gauges}
+        beside = {factor for product in self.brdf.structure.products if {*product} & gauges for factor in product}
+        brightest = max((float(factor.value(values).max()) for factor in beside - gauges), default=0.0)
         return 1 / max(brightest, 1e-9)
 
     def count(self, name: str) -> int:
@@ -313,7 +313,7 @@ def _parameter(brdf: Brdf, name: str, relative: bool) -> Block:
         domain = Domain(-math.inf, math.inf)
     elif declared.gauge:
         domain = Domain(domain.lower, math.inf)
-    elif relative and name in brdf.scales:
+    elif relative and name in brdf.structure.scales:
         domain = domain.lifted()
     kind: Kind = "light_scale" if declared.gauge else "parameter"
     return Block(name, domain, "channel" if declared.per_channel else "one", kind)

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from matest.brdf import Brdf, Sum
-from matest.brdf.base import factor_value, named_by
+from matest.brdf.terms import Product
 from matest.directions import Directions
 from matest.errors import InputError
 from matest.identifiability.forecast import Forecast
@@ -97,7 +97,7 @@ class Reasons:
     def _absent(self, name: str) -> str | None:
         """That every term with the parameter vanishes at these values."""
         products = self._products(name)
-        zero = [{named_by(f) for f in product if not bool(factor_value(f, self._values).any())} for product in products]
+        zero = [{f.name for f in product if not bool(f.value(self._values).any())} for product in products]
         zero = [names - {name} for names in zero]
         if products and all(zero):
             return f"what it shapes is absent: {min(zero[0])} is 0 at the values assumed"
@@ -115,15 +115,15 @@ class Reasons:
             return f"every sample within {told} of the highlight is clipped or at an edge: add a shorter exposure"
         return f"no image samples within {told} of the highlight"
 
-    def _products(self, name: str) -> list[tuple[str, ...]]:
+    def _products(self, name: str) -> list[Product]:
         """The factors of the terms that depend on a parameter."""
-        brdf, ties = self.problem.brdf, self.problem.ties
+        structure, ties = self.problem.brdf.structure, self.problem.ties
         names = {name, *(dependent for dependent, source in ties.items() if source == name)}
-        by_factor = [product for product in brdf.products if names & {named_by(factor) for factor in product}]
-        shaped = [product for one in names if one not in brdf.factors for product in brdf.carriers(one)]
+        by_factor = [product for product in structure.products if names & {factor.name for factor in product}]
+        shaped = [product for one in names for product in structure.carriers(one)]
         return list(dict.fromkeys([*by_factor, *shaped]))
 
-    def _half_width(self, product: tuple[str, ...]) -> float:
+    def _half_width(self, product: Product) -> float:
         """Half angle at which a lobe has fallen to 1/e of its height, 30° from the normal; infinite if it is none."""
         angles = torch.deg2rad(torch.arange(0.0, 40.5, 0.25, dtype=torch.float64))
         tilt = math.pi / 6

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import torch
 
-from matest.brdf.base import factor_value, named_by
+from matest.brdf.terms import Factor, Product
 from matest.estimators import Solution, accumulate
 from matest.estimators.covariance import PARTICIPATES, fisher, quantile95, weak_directions
 from matest.inference.error_bars import ErrorBars
@@ -34,13 +34,13 @@ def faint(solution: Solution, bars: ErrorBars, name: str) -> bool:
     # How much wider honest error bars are than those of the noise alone.
     wider = (bars.open.std / fisher(information, torch.ones(problem.size, dtype=torch.bool)).std).nan_to_num(1.0)
 
-    def seen(factor: str, product: tuple[str, ...]) -> bool:
+    def seen(factor: Factor, product: Product) -> bool:
         """Whether a factor differs from zero in any channel, the other factors of its product and all shapes given."""
-        value = factor_value(factor, values).reshape(-1)
-        source = problem.ties.get(named_by(factor), named_by(factor))
+        value = factor.value(values).reshape(-1)
+        source = problem.ties.get(factor.name, factor.name)
         if source in problem.gauges or source not in problem.where:
             return source in problem.gauges or bool((value != 0).any())
-        others = {problem.ties.get(named_by(other), named_by(other)) for other in product} - {source}
+        others = {problem.ties.get(other.name, other.name) for other in product} - {source}
         beside = torch.zeros(problem.size, dtype=torch.bool)
         for name in {*problem.amplitudes} - others:
             beside[problem.where[name]] = True
@@ -48,7 +48,7 @@ def faint(solution: Solution, bars: ErrorBars, name: str) -> bool:
         return bool((value > _VISIBLE * std).any())
 
     # A lobe is a product: it is gone when any one of its factors is.
-    products = problem.brdf.carriers(name)
+    products = problem.brdf.structure.carriers(name)
     return not any(all(seen(factor, product) for factor in product) for product in products)
 
 
@@ -56,10 +56,10 @@ def unseen_amplitudes(solution: Solution, bars: ErrorBars) -> set[str]:
     """Amplitudes of lobes that are not there for all that the images tell."""
     problem = solution.problem
     factors = {
-        problem.ties.get(named_by(factor), named_by(factor))
+        problem.ties.get(factor.name, factor.name)
         for shape in problem.shapes
         if faint(solution, bars, shape)
-        for product in problem.brdf.carriers(shape)
+        for product in problem.brdf.structure.carriers(shape)
         for factor in product
     }
     return factors & {*problem.amplitudes}

@@ -44,7 +44,7 @@ class Trainable(nn.Module):
         self._free = [
             name for name, declared in brdf.declared.items() if name not in fixed and (relative or not declared.gauge)
         ]
-        scales = brdf.scales if relative else set()
+        scales = brdf.structure.scales if relative else frozenset()
         domains = {name: brdf.declared[name].domain for name in self._free}
         self._domains = {name: domain.lifted() if name in scales else domain for name, domain in domains.items()}
         self.values = nn.ParameterList(

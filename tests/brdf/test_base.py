@@ -19,7 +19,7 @@ from matest.brdf import (
     TorranceSparrow,
     variants,
 )
-from matest.brdf.base import mixture
+from matest.brdf.terms import Factor, Term, complement_of, mixture
 from matest.directions import Directions
 from matest.errors import InputError
 from matest.parameters import Parameter, options_of, parameters_of, unit_interval
@@ -122,40 +122,50 @@ def test_direction_batches_broadcast_against_each_other() -> None:
     torch.testing.assert_close(grid[2, 3], BODY_AND_LOBE(wi[2], wo[3]))
 
 
+def test_a_term_takes_names_for_factors_and_complements() -> None:
+    values = {"k": torch.tensor(0.2), "f0": torch.tensor(0.3)}
+    term = Term(("k", complement_of("f0")), torch.ones(1))
+    assert term.factors == (Factor("k"), Factor("f0", complement=True))
+    assert math.prod(float(factor.value(values)) for factor in term.factors) == pytest.approx(0.2 * 0.7)
+    assert [factor.slope for factor in term.factors] == [1.0, -1.0]
+    assert [factor.name for factor in term.within("lobe").factors] == ["lobe.k", "lobe.f0"]
+    assert term.within("lobe").factors[1].complement
+
+
 @pytest.mark.parametrize("shape", [(5,), (1, 5), (3, 5), (7, 1, 5), (7, 3, 5)])
-def test_mixture_is_the_sum_of_its_images_with_their_weights(shape: tuple[int, ...]) -> None:
+def test_mixture_is_the_sum_of_its_columns_with_their_weights(shape: tuple[int, ...]) -> None:
     generator = torch.Generator().manual_seed(4)
-    images = torch.rand(7, 5, generator=generator, dtype=torch.float64)
+    columns = torch.rand(7, 5, generator=generator, dtype=torch.float64)
     weights = torch.rand(shape, generator=generator, dtype=torch.float64)
-    term = mixture(("albedo",), images, weights)
-    expected = (images[:, None] * weights).sum(-1)
+    term = mixture(("albedo",), columns, weights)
+    expected = (columns[:, None] * weights).sum(-1)
     torch.testing.assert_close(term.shape, expected)
-    assert term.images is images
+    assert term.columns is columns
     assert term.weights is weights
 
 
 @pytest.mark.parametrize("shape", [(), (3,), (20, 1), (20, 3)])
 @pytest.mark.parametrize("expression", variants())
-def test_images_depend_on_the_directions_and_weights_on_the_parameters(expression: str, shape: tuple[int, ...]) -> None:
+def test_columns_depend_on_directions_and_weights_on_parameters(expression: str, shape: tuple[int, ...]) -> None:
     directions, elsewhere = Directions(*random_pairs(20, seed=5)), Directions(*random_pairs(20, seed=6))
     one, other = draw(named(expression), shape, seed=7), draw(named(expression), shape, seed=8)
     for term, moved, changed in zip(one.terms(directions), one.terms(elsewhere), other.terms(directions), strict=True):
-        assert (term.images is None) == (term.weights is None)
-        if term.images is not None and term.weights is not None:
-            torch.testing.assert_close(term.images, changed.images, rtol=0, atol=0)
+        assert (term.columns is None) == (term.weights is None)
+        if term.columns is not None and term.weights is not None:
+            torch.testing.assert_close(term.columns, changed.columns, rtol=0, atol=0)
             torch.testing.assert_close(term.weights, moved.weights, rtol=0, atol=0)
-            whole = (term.images[:, None, :] * term.weights).sum(-1)
+            whole = (term.columns[:, None, :] * term.weights).sum(-1)
             torch.testing.assert_close(term.shape.expand_as(whole), whole)
 
 
 def test_models_whose_parameters_separate_say_so() -> None:
     nothing = Directions(*random_pairs(2, seed=9))
-    separate = {name for name, kind in MODELS.items() if all(t.images is not None for t in kind().terms(nothing))}
+    separate = {name for name, kind in MODELS.items() if all(t.columns is not None for t in kind().terms(nothing))}
     assert {"oren-nayar", "oren-nayar-qualitative", "oren-nayar-exact", "fujii"} <= separate
 
 
 def test_only_parallel_grooves_are_anisotropic() -> None:
-    anisotropic = {expression for expression in variants() if named(expression).anisotropic}
+    anisotropic = {expression for expression in variants() if named(expression).structure.anisotropic}
     assert anisotropic == {
         "oren-nayar-single-slope",
         "ward(anisotropy=axes)",
@@ -165,8 +175,8 @@ def test_only_parallel_grooves_are_anisotropic() -> None:
             for law in LAWS
         ),
     }
-    assert (OrenNayarSingleSlope() + TorranceSparrow()).anisotropic
-    assert not (OrenNayarExact() + TorranceSparrow()).anisotropic
+    assert (OrenNayarSingleSlope() + TorranceSparrow()).structure.anisotropic
+    assert not (OrenNayarExact() + TorranceSparrow()).structure.anisotropic
 
 
 # Inherited from the rough surface, which these combinations do not see.
@@ -184,7 +194,7 @@ def test_isotropic_models_do_not_see_the_frame_turn(expression: str) -> None:
     cos, sin = math.cos(0.7), math.sin(0.7)
     turn = torch.tensor([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]], dtype=torch.float64)
     same = torch.allclose(brdf(wi, wo), brdf(wi @ turn.T, wo @ turn.T), rtol=1e-9, atol=tolerances.UNDERFLOW)
-    assert same != brdf.anisotropic
+    assert same != brdf.structure.anisotropic
 
 
 def test_conditional_parameters_follow_the_options() -> None:
@@ -239,10 +249,10 @@ def test_excluded_choices_are_refused_with_their_reason_and_alone_are_not() -> N
         assert CookTorrance(**{option: choice}).expression == f"cook-torrance({option}={choice})"
 
 
-def test_a_separated_model_in_a_sum_keeps_its_images() -> None:
+def test_a_separated_model_in_a_sum_keeps_its_columns() -> None:
     directions = Directions(*random_pairs(4, seed=13))
     alone, summed = (brdf.terms(directions)[0] for brdf in (OrenNayar(), OrenNayar() + TorranceSparrow()))
-    assert summed.factors == ("oren-nayar.albedo",)
-    assert alone.images is not None
-    torch.testing.assert_close(summed.images, alone.images)
+    assert summed.factors == (Factor("oren-nayar.albedo"),)
+    assert alone.columns is not None
+    torch.testing.assert_close(summed.columns, alone.columns)
     torch.testing.assert_close(summed.weights, alone.weights)

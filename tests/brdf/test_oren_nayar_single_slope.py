@@ -115,8 +115,8 @@ def test_only_parallel_grooves_have_an_azimuth() -> None:
     parallel, every = OrenNayarSingleSlope(0.5), OrenNayarSingleSlope(0.5, isotropic="true")
     assert [*parallel.declared] == ["albedo", "facet_angle", "azimuth", "interreflection"]
     assert [*every.declared] == ["albedo", "facet_angle", "interreflection"]
-    assert parallel.anisotropic
-    assert not every.anisotropic
+    assert parallel.structure.anisotropic
+    assert not every.structure.anisotropic
     with pytest.raises(InputError, match="no parameter azimuth with these options; it needs isotropic=false"):
         every.replace({"azimuth": 0.1})
 

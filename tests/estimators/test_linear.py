@@ -10,6 +10,7 @@ import torch
 from scipy.optimize import lsq_linear, nnls
 from torch import Tensor
 
+from matest.brdf.terms import Factor
 from matest.estimators import Problem
 from matest.estimators.linear import amplitudes
 from tests.problems import problem
@@ -19,9 +20,9 @@ AMPLITUDE = 1e-7
 # Spacing of the dense grid that a product of amplitudes is compared with.
 GRID = 1e-4
 
-BODY_AND_LOBE = [("lambert.albedo",), ("torrance-sparrow.specular",)]
-THREE = [("lambert.albedo",), ("torrance-sparrow.specular",), ("cook-torrance.specular",)]
-FACETS = [("albedo",), ("albedo", "albedo", "interreflection")]
+THREE = [(Factor(name),) for name in ("lambert.albedo", "torrance-sparrow.specular", "cook-torrance.specular")]
+BODY_AND_LOBE = THREE[:2]
+FACETS = [(Factor("albedo"),), (Factor("albedo"), Factor("albedo"), Factor("interreflection"))]
 
 
 def design(columns: int, seed: int, *, positive: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -166,7 +167,7 @@ def test_a_shape_that_no_sample_sees_leaves_finite_amplitudes() -> None:
 def test_without_amplitudes_the_cost_is_that_of_the_fixed_model() -> None:
     shapes, measured = design(1, 9, positive=True)
     found, cost = amplitudes(
-        problem("lambert", fix={"albedo": 0.3}), [("albedo",)], *normal_equations(shapes, measured), {}
+        problem("lambert", fix={"albedo": 0.3}), FACETS[:1], *normal_equations(shapes, measured), {}
     )
     assert found.shape == (1, 1, 0)
     assert float(cost[0]) == pytest.approx(squares(shapes, measured, np.array([0.3])))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 import torch
 
-from matest.estimators.basis import separates
 from matest.estimators.passes import accumulate, compress, statistics
 from matest.estimators.search import _evaluated, normal_equations
 from matest.estimators.unknowns import Problem
@@ -40,7 +39,7 @@ def moved(unknowns: torch.Tensor) -> torch.Tensor:
 @pytest.mark.parametrize("ambient", [0.0, 0.3])
 @pytest.mark.parametrize("chosen", SEPARABLE, ids=NAMES)
 def test_statistics_are_those_of_a_pass(chosen: Problem, ambient: float) -> None:
-    assert separates(chosen)
+    assert chosen.separates
     unknowns, reference = ordinary(chosen, seed=1), ordinary(chosen, seed=2)
     tiles = tiled(samples(ambient), 100)
     compressed = compress(chosen, tiles, unknowns, reference)
@@ -52,7 +51,7 @@ def test_statistics_are_those_of_a_pass(chosen: Problem, ambient: float) -> None
 
 def test_the_integral_separates_into_its_slope_nodes() -> None:
     chosen = problem("oren-nayar-exact(nodes=16x16)", channels=3)
-    assert separates(chosen)
+    assert chosen.separates
     unknowns = ordinary(chosen, seed=3)
     tiles = tiled(samples(), 1000)
     compressed = compress(chosen, tiles, unknowns, None)
@@ -86,12 +85,12 @@ def test_light_whose_fitted_reflectance_is_negative_gives_nothing() -> None:
     "expression", ["cook-torrance", "oren-nayar+torrance-sparrow", "eon", "oren-nayar-single-slope"]
 )
 def test_models_with_lobes_of_estimated_width_do_not_separate(expression: str) -> None:
-    assert not separates(problem(expression, channels=3))
+    assert not problem(expression, channels=3).separates
 
 
 def test_a_fixed_shape_with_a_value_per_channel_does_not_separate() -> None:
     chosen = problem("cook-torrance", channels=3, fix={"slope": 0.2, "f0": (0.3, 0.4, 0.5)})
-    assert not separates(chosen)
+    assert not chosen.separates
 
 
 @pytest.mark.parametrize("expression", ["oren-nayar", "fujii", "lambert"])

@@ -1,0 +1,174 @@
+"""What depends on what in a model, from the connections of its graph in autograd.
+
+A parameter is connected to a shape whatever their values: a lobe that vanishes at the directions of the probe, and a
+parameter that is clamped there, are connected all the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import torch
+from torch import Tensor
+
+from matest.brdf.terms import Factor, Product, Term, complement_of
+from matest.directions import Directions
+from matest.parameters import Parameter
+
+Terms = Callable[[Mapping[str, Tensor], Directions], tuple[Term, ...]]
+
+# Any pair of directions off the normal and off each other serves: what is asked is not a value.
+_LIGHT = (0.48, 0.36, 0.8)
+_VIEWER = (-0.48, 0.6, 0.64)
+
+
+@dataclass(frozen=True)
+class TermStructure:
+    """What a term is made of.
+
+    Attributes:
+        factors: parameters, and complements of parameters, that multiply its shape.
+        shape_parameters: parameters that its shape depends on.
+        column_parameters: those of them that its columns depend on, and not only the weights of the columns.
+        columns: their number; 1 where the term is no mixture, and its shape the column.
+        anisotropic: whether its shape changes when light and viewer turn together about the normal.
+    """
+
+    factors: Product
+    shape_parameters: frozenset[str]
+    column_parameters: frozenset[str]
+    columns: int
+    anisotropic: bool
+
+    def within(self, component: str) -> TermStructure:
+        """The same in a sum, where parameters are named by path."""
+
+        def paths(names: frozenset[str]) -> frozenset[str]:
+            return frozenset(f"{component}.{name}" for name in names)
+
+        return replace(
+            self,
+            factors=tuple(factor._replace(name=f"{component}.{factor.name}") for factor in self.factors),
+            shape_parameters=paths(self.shape_parameters),
+            column_parameters=paths(self.column_parameters),
+        )
+
+
+@dataclass(frozen=True)
+class Structure:
+    """What depends on what in a model, whatever the values of its parameters.
+
+    Attributes:
+        terms: of the model, in its order.
+        coloured: parameters of which an estimate gives every channel its own value.
+    """
+
+    terms: tuple[TermStructure, ...]
+    coloured: frozenset[str]
+
+    @property
+    def products(self) -> list[Product]:
+        """The factors of each term."""
+        return [term.factors for term in self.terms]
+
+    @property
+    def columns(self) -> list[int]:
+        """The number of columns of each term."""
+        return [term.columns for term in self.terms]
+
+    @cached_property
+    def amplitudes(self) -> frozenset[str]:
+        """Parameters that only multiply shapes."""
+        return frozenset(factor.name for product in self.products for factor in product)
+
+    @cached_property
+    def scales(self) -> frozenset[str]:
+        """Amplitudes that can carry an unknown scale of the light: 1 − x of them is used nowhere."""
+        factors = {factor for product in self.products for factor in product}
+        return frozenset(
+            name for name in self.coloured if Factor(name) in factors and complement_of(name) not in factors
+        )
+
+    @property
+    def anisotropic(self) -> bool:
+        """Whether reflection changes when light and viewer turn together about the normal."""
+        return any(term.anisotropic for term in self.terms)
+
+    def carriers(self, name: str) -> list[Product]:
+        """The factors of each of the terms whose shape depends on the parameter `name`."""
+        return [term.factors for term in self.terms if name in term.shape_parameters]
+
+
+def structure_of(declared: Mapping[str, Parameter], values: Mapping[str, Tensor], terms: Terms) -> Structure:
+    """The structure of one model.
+
+    Args:
+        declared: the parameters that exist under its options.
+        values: any values of them.
+        terms: gives its terms at values and directions.
+    """
+    with torch.inference_mode(False), torch.enable_grad():
+        leaves = {name: value.detach().clone().requires_grad_() for name, value in values.items()}
+        angle = torch.zeros((), dtype=torch.float64, requires_grad=True)
+        found = terms(leaves, _Turned(angle))
+        return Structure(
+            terms=tuple(_term_structure(term, leaves, angle) for term in found),
+            coloured=frozenset(name for name, parameter in declared.items() if parameter.per_channel),
+        )
+
+
+def joined(components: Mapping[str, Structure]) -> Structure:
+    """The structure of a sum of models."""
+    return Structure(
+        terms=tuple(term.within(name) for name, part in components.items() for term in part.terms),
+        coloured=frozenset(f"{name}.{key}" for name, part in components.items() for key in part.coloured),
+    )
+
+
+def connected(value: Tensor, leaves: Mapping[str, Tensor]) -> frozenset[str]:
+    """Names of the leaves that a value depends on in the graph of autograd."""
+    if not (leaves and value.requires_grad):
+        return frozenset()
+    slopes = torch.autograd.grad(value.sum(), [*leaves.values()], retain_graph=True, allow_unused=True)
+    return frozenset(name for name, slope in zip(leaves, slopes, strict=True) if slope is not None)
+
+
+def _term_structure(term: Term, leaves: Mapping[str, Tensor], angle: Tensor) -> TermStructure:
+    shape_parameters = connected(term.shape, leaves)
+    return TermStructure(
+        factors=term.factors,
+        shape_parameters=shape_parameters,
+        column_parameters=shape_parameters if term.columns is None else connected(term.columns, leaves),
+        columns=1 if term.columns is None else term.columns.shape[-1],
+        anisotropic=bool(connected(term.shape, {"angle": angle})),
+    )
+
+
+class _Turned(Directions):
+    """A pair of directions turned about the normal: what that changes depends on the angle, the rest does not."""
+
+    def __init__(self, angle: Tensor) -> None:
+        wi, wo = (torch.tensor([vector], dtype=torch.float64) for vector in (_LIGHT, _VIEWER))
+        super().__init__(wi, wo)
+        cos, sin, zero, one = angle.cos(), angle.sin(), torch.zeros_like(angle), torch.ones_like(angle)
+        turn = torch.stack([cos, -sin, zero, sin, cos, zero, zero, zero, one]).reshape(3, 3)
+        self._still = Directions(wi, wo)
+        self._moved = Directions(wi @ turn.T, wo @ turn.T)
+
+    @cached_property
+    def along_tangent(self) -> tuple[Tensor, Tensor]:
+        return self._moved.along_tangent
+
+    def along(self, azimuth: Tensor) -> tuple[Tensor, Tensor]:
+        return self._moved.along(azimuth)
+
+    @cached_property
+    def half_slopes(self) -> tuple[Tensor, Tensor]:
+        return self._moved.half_slopes
+
+    @cached_property
+    def tan2_half(self) -> Tensor:
+        # Of both slopes, but not of the azimuth.
+        return self._still.tan2_half
