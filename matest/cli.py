@@ -14,8 +14,9 @@ import matest
 from matest.commands import arguments
 from matest.commands.benchmark import benchmark
 from matest.commands.check import check
-from matest.commands.console import Say, console, note, print_json, progress
+from matest.commands.console import console, note, print_json, progress
 from matest.errors import InputError
+from matest.progress import Progress
 
 if TYPE_CHECKING:
     from matest.capture import Capture
@@ -171,7 +172,7 @@ def render(
     from matest.simulate import simulate
 
     with progress(str(scene)) as say:
-        folder = simulate(scene, out, lambda done, total: say("rendering images", done, total))
+        folder = simulate(scene, out, say)
     if as_json:
         print_json({"out": str(folder)})
     else:
@@ -264,14 +265,11 @@ def _root(
         typer.echo(context.get_help())
 
 
-def _load(path: Path, transfer: str | None, root: Path | None, say: Say) -> Capture:
-    def count(done: int, total: int) -> None:
-        say("reading images", done, total)
-
-    return matest.load_capture(path, transfer=arguments.transfer(transfer), root=root, progress=count)
+def _load(path: Path, transfer: str | None, root: Path | None, say: Progress) -> Capture:
+    return matest.load_capture(path, transfer=arguments.transfer(transfer), root=root, progress=say)
 
 
-def _write(found: Estimate, capture: Capture, place: Path, say: Say) -> Estimate:
+def _write(found: Estimate, capture: Capture, place: Path, say: Progress) -> Estimate:
     from matest.report.folder import write_result
 
     provenance = {

@@ -50,11 +50,7 @@ def check(
     assumed = dict(arguments.assignment(text, "--at") for text in at or [])
     stated = None if noise is None else arguments.noise(noise)
     with progress(str(capture)) as say:
-        plan = identifiability.load_plan(
-            capture,
-            transfer=arguments.transfer(transfer),
-            progress=lambda done, total: say("reading images", done, total),
-        )
+        plan = identifiability.load_plan(capture, transfer=arguments.transfer(transfer), progress=say)
         found = identifiability.check(plan, model, constraints=constraints, at=assumed, noise=stated, progress=say)
     if as_json:
         print_json(found.to_dict())

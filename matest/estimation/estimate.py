@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -30,11 +30,11 @@ from matest.inference.parameter_estimates import (
 )
 from matest.photographs.redundant import idle, without_copies
 from matest.photographs.samples import Samples
+from matest.progress import Progress, silent
 from matest.shading import render
 
 # A parameter held by default is freed when its predicted relative error is below this.
 _WORTH_FREEING = 0.25
-Progress = Callable[[str], None]
 
 
 def estimate(
@@ -48,7 +48,7 @@ def estimate(
     precision: float | None = None,
     seed: int = 0,
     device: str = "cpu",
-    progress: Progress = lambda _: None,
+    progress: Progress = silent,
 ) -> Estimate:
     """The material of a capture with its error bars.
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +17,7 @@ from matest.estimation.specification import Constraints, specify
 from matest.estimators import Linearisation, Problem, fit_batches
 from matest.photographs.pilot import pilot
 from matest.photographs.samples import Samples
+from matest.progress import Progress, silent
 from matest.samples import Batch
 
 # From few to many parameters; a later one replaces an earlier one only if it predicts better.
@@ -70,7 +70,7 @@ class _Trial:
 
 
 def select(
-    samples: Samples, constraints: Constraints, seed: int, progress: Callable[[str], None]
+    samples: Samples, constraints: Constraints, seed: int, progress: Progress = silent
 ) -> tuple[str, list[Candidate]]:
     """The smallest candidate that no other one beats, and the record of the comparison.
 

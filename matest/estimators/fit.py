@@ -29,6 +29,7 @@ from matest.estimators.unknowns import Problem
 from matest.photographs.patches import Patches
 from matest.photographs.pilot import pilot
 from matest.photographs.samples import Samples, join
+from matest.progress import Progress, silent
 from matest.samples import Batch
 from matest.samples.tiles import in_memory
 from matest.workers import single_threaded_torch
@@ -53,8 +54,6 @@ _GAUGE_ROUNDS = 6
 # Images worked on at once; captures with fewer samples are worked on in two tiles, subsamples with fewer in one.
 _GROUP, _SMALL, _ONE_TILE = 4, 1 << 18, 10_000
 _PASSES = 60
-
-Progress = Callable[[str], None]
 
 
 @single_threaded_torch()
@@ -122,7 +121,7 @@ def fit(
     problem: Problem,
     samples: Samples,
     seed: int,
-    progress: Progress = lambda _: None,
+    progress: Progress = silent,
     start: Tensor | None = None,
     precision: float = 0.0,
 ) -> Solution:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Any
@@ -23,6 +23,7 @@ from matest.inference.parameter_estimates import known_by_ratio, numerator_of, r
 from matest.inference.quantities import Number, ParameterEstimate
 from matest.parameters import Domain
 from matest.photographs.samples import Samples
+from matest.progress import Progress, silent
 from matest.shading import gathered_light, lit_directions
 
 SCHEMA = "matest.check/1"
@@ -32,8 +33,6 @@ DEFAULT_MODEL = "oren-nayar+cook-torrance"
 _LEVELS = (0.5, 2.0)
 # A relative standard error above this is worth a word even where the parameter counts as determined.
 _WEAK = 1.0
-
-Progress = Callable[[str, int | None, int | None], None]
 
 
 @dataclass(frozen=True)
@@ -133,7 +132,7 @@ def check(
     constraints: Constraints | None = None,
     at: Mapping[str, Value] | None = None,
     noise: tuple[float, float] | None = None,
-    progress: Progress = lambda *_: None,
+    progress: Progress = silent,
 ) -> Check:
     """Standard errors that `estimate` will report, predicted from geometry, lights, noise and values of the material.
 
@@ -166,7 +165,7 @@ def check(
     given = scene | _by_ratio(specification, scene) | _assumed(specification, at or {})
     specification, values = _nominal(specification, given)
 
-    progress("predicting photographs", None, None)
+    progress("predicting photographs")
     capture = capture if plan.exposed else exposed(capture, specification.problem.brdf.replace(values))
     problem = specification.problem
     samples = usable(capture, problem, unknowns_at(problem, values))
@@ -175,7 +174,7 @@ def check(
     levels = _levels(specification, values, given)
     spread = [found]
     for changed in levels:
-        progress("trying other roughnesses", None, None)
+        progress("trying other roughnesses")
         there = unknowns_at(found.problem, changed)
         spread.append(forecast(usable(capture, found.problem, there), found.problem, there))
     advised, light = next_light(capture, found, progress), None

@@ -49,7 +49,7 @@ def test_a_highlight_in_some_bands_of_the_only_image_is_not_called_chance() -> N
     # Three of four bands say nothing of it; but without it the image is not met to its noise.
     only = tuple((directional(towards, 3.0),) for towards in [(0, 0, 1)])
     samples = Studio(size=64, lights=only).photograph(CookTorrance(0.4, 0.8, 0.15), seed=1).samples()
-    expression, candidates = select(samples, Constraints(), 0, lambda _: None)
+    expression, candidates = select(samples, Constraints(), 0)
     assert expression == "cook-torrance"
     reasons = {candidate.model: candidate.reason for candidate in candidates}
     assert reasons["cook-torrance"] == "meets bands left out to their noise, which lambert does not"
@@ -59,7 +59,7 @@ def test_a_model_that_predicts_every_image_better_is_not_called_chance(monkeypat
     # How much better differs between images by more than its mean: the light that grazes shows the most.
     monkeypatch.setattr(selection, "CANDIDATES", ("oren-nayar-qualitative", "oren-nayar"))
     samples = Studio(size=32, noise=Noise(0.002, 2e-5)).photograph(OrenNayar(0.8, 0.6), seed=1).samples()
-    expression, candidates = select(samples, Constraints(), 0, lambda _: None)
+    expression, candidates = select(samples, Constraints(), 0)
     assert candidates[1].score < 0.3 * candidates[0].score
     assert expression == "oren-nayar"
 
@@ -72,7 +72,7 @@ def test_glossy_images_support_a_lobe() -> None:
 def test_a_dark_image_says_nothing_of_any_model() -> None:
     lights = (*Studio().lights[-3:], (directional((0.1, 0.1, 0.98), 0.0),))
     capture = Studio(size=48, lights=lights).photograph(OrenNayar(0.8, 0.6))
-    expression, candidates = select(capture.samples(), Constraints(), 0, lambda _: None)
+    expression, candidates = select(capture.samples(), Constraints(), 0)
     assert expression == "oren-nayar"
     assert all(math.isfinite(candidate.score) for candidate in candidates)
 
