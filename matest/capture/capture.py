@@ -8,7 +8,6 @@ import os
 import tempfile
 import time
 from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -23,6 +22,7 @@ from matest.photographs.photometry import FLOAT_FLOOR, Encoding, Noise, estimate
 from matest.photographs.samples import Samples
 from matest.progress import Progress, silent
 from matest.scene import Scene
+from matest.workers import in_threads
 
 # Pixels beyond this many bytes go to a temporary file: memory does not grow with the number of images.
 _MEMORY_BUDGET = 96 << 20
@@ -208,11 +208,9 @@ def _decode(paths: list[Path], first: np.ndarray, pixels: np.ndarray, progress: 
         return spill.keep(image.reshape(-1, image.shape[2])[pixels])
 
     stored = [spill.keep(first.reshape(-1, first.shape[2])[pixels])]
-    workers = os.cpu_count() or 1
-    with ThreadPoolExecutor(workers) as pool:
-        for count, kept in enumerate(pool.map(load, paths[1:]), start=2):
-            stored.append(kept)
-            progress("reading images", count, len(paths))
+    for count, kept in enumerate(in_threads(load, paths[1:]), start=2):
+        stored.append(kept)
+        progress("reading images", count, len(paths))
     return tuple(stored)
 
 

@@ -17,7 +17,7 @@ from matest.estimators.unknowns import Problem
 from matest.samples import Batch
 from matest.samples.tiles import Tiles
 from matest.shading import check_sky, lit_directions, sky_nodes, sky_terms
-from matest.workers import walk
+from matest.workers import in_groups
 
 
 class Linearisation:
@@ -196,4 +196,4 @@ def collect(
                 working = batch.measured() if reference is None else batch.working(reference, misfit)
             return [*found, moments(images, working, working.response - radiance, batch)]
 
-    return Compressed(origin, joined([nothing(*origin.shape), *walk(tiles, work)]))
+    return Compressed(origin, joined([nothing(*origin.shape), *in_groups(work, tiles)]))

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import torch
 
 from matest.directions import dot
 from matest.photographs.samples import BLOCKS, Samples
 from matest.samples import Batch
-from matest.workers import walk
+from matest.workers import in_threads
 
 # Classes of the angle between half vector and normal, degrees: highlights are small and must not be missed.
 _HALF_ANGLES = torch.tensor([2.0, 4.0, 8.0, 16.0, 32.0])
@@ -37,7 +39,7 @@ def pilot(samples: Samples, count: int, seed: int) -> list[Batch]:
         samples.capture.release(image)
         return [batch]
 
-    return list(walk([range(len(samples.images))], draw))
+    return list(itertools.chain.from_iterable(in_threads(draw, range(len(samples.images)))))
 
 
 def _one_of_each(length: int, count: int, generator: np.random.Generator) -> np.ndarray:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -18,6 +17,7 @@ from matest.photographs.photometry import as_tensor, rounding
 from matest.samples.batch import Batch, Limits, Readout
 from matest.samples.groups import Groups
 from matest.scene import Points
+from matest.workers import in_threads
 
 if TYPE_CHECKING:
     from matest.capture.capture import Capture
@@ -74,8 +74,8 @@ class Samples:
             self.capture.release(image)
             return np.packbits(usable), int(dark.sum()), 0 if saturated is None else int((usable & saturated).sum())
 
-        with ThreadPoolExecutor() as pool:
-            usable_bits, dark, saturated = (list(column) for column in zip(*pool.map(select, self.images), strict=True))
+        columns = zip(*in_threads(select, self.images), strict=True)
+        usable_bits, dark, saturated = (list(column) for column in columns)
         skipped = {
             "background": background * len(self.images),
             "shadowed": sum(dark),
