@@ -12,8 +12,9 @@ import torch
 from torch import Tensor
 
 from matest.errors import InputError
+from matest.estimation.options import Options
 from matest.estimation.result import Candidate
-from matest.estimation.specification import Constraints, specify
+from matest.estimation.specification import specify
 from matest.estimators import Linearisation, Problem, fit_batches
 from matest.photographs.pilot import pilot
 from matest.photographs.samples import Samples
@@ -69,9 +70,7 @@ class _Trial:
         return math.sqrt(float(self.errors.mean()))
 
 
-def select(
-    samples: Samples, constraints: Constraints, seed: int, progress: Progress = silent
-) -> tuple[str, list[Candidate]]:
+def select(samples: Samples, options: Options, progress: Progress = silent) -> tuple[str, list[Candidate]]:
     """The smallest candidate that no other one beats, and the record of the comparison.
 
     Candidates that lack a constrained parameter are not tried.
@@ -80,17 +79,17 @@ def select(
         InputError: no candidate has the constrained parameters.
     """
     capture = samples.capture
-    parts = _parts(pilot(samples, _SAMPLES, seed))
+    parts = _parts(pilot(samples, _SAMPLES, options.seed))
     problems: dict[str, Problem] = {}
     for expression in CANDIDATES:
         # A candidate that the constraints do not fit is not tried.
         with contextlib.suppress(InputError):
             found = specify(
-                expression, constraints, channels=capture.channels, relative=capture.relative, scene=capture.scene
+                expression, options, channels=capture.channels, relative=capture.relative, scene=capture.scene
             )
             problems[expression] = found.problem
     if not problems:
-        names = ", ".join([*constraints.fix, *constraints.free, *constraints.tie])
+        names = ", ".join([*options.fix, *options.free, *options.tie])
         raise InputError(f"no model that 'auto' tries fits what was said of {names}: name the model with --model.")
     trials, verdicts = [], {}
     best: _Trial | None = None
