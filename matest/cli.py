@@ -14,8 +14,9 @@ import matest
 from matest.commands import arguments
 from matest.commands.benchmark import benchmark
 from matest.commands.check import check
-from matest.commands.console import Say, console, note, print_json, progress
+from matest.commands.console import console, note, print_json, progress
 from matest.errors import InputError
+from matest.progress import Progress
 
 if TYPE_CHECKING:
     from matest.capture import Capture
@@ -31,7 +32,7 @@ app = typer.Typer(
 
 Json = arguments.Json
 Transfer = arguments.Transfer
-Out = Annotated[Path | None, typer.Option("-o", "--out", help="Where to write.", show_default=False)]
+Out = arguments.Out
 
 # Of typer's own in some versions, of click in others.
 _UsageError: Any = typer.BadParameter.__base__
@@ -85,16 +86,15 @@ def estimate(
     material.json, report.html, profile.csv and pictures.
     """
     from matest.capture.capture import capture_file
-    from matest.estimation.specification import Constraints, specify
+    from matest.estimation.estimate import estimate_with
+    from matest.estimation.specification import check_options
     from matest.report.folder import check_destination
 
-    constraints = Constraints(
-        dict(map(arguments.assignment, fix or [])), tuple(free or ()), dict(map(arguments.pair, tie or []))
-    )
-    left_out = arguments.indices(holdout)
-    if model != "auto":
-        specify(model, constraints, channels=_any_channels(constraints), relative=False)
-    _check_device(device)
+    options = arguments.options(
+        model, fix, free, tie, transfer,
+        holdout=arguments.indices(holdout), precision=precision, seed=seed, device=device,
+    )  # fmt: skip
+    check_options(options)
     root = Path(os.path.commonpath([path.absolute() for path in captures]))
     root = root if root.is_dir() else root.parent
     places = _places(captures, out)
@@ -107,11 +107,8 @@ def estimate(
     for path, place in places.items():
         try:
             with progress(f"{path}") as say:
-                capture = _load(path, transfer, root, say)
-                found = matest.estimate(
-                    capture, model, fix=constraints.fix, free=constraints.free, tie=constraints.tie,
-                    holdout=left_out, precision=precision, seed=seed, device=device, progress=say,
-                )  # fmt: skip
+                capture = matest.load_capture(path, transfer=options.transfer, root=root, progress=say)
+                found = estimate_with(capture, options, say)
                 outcomes[str(path)] = _write(found, capture, place, say)
         except InputError as error:
             if len(places) == 1:
@@ -144,7 +141,7 @@ def predict(
     place = out or folder.with_name(f"{folder.name}-predict-{_name(capture)}")
     check_destination(place, "prediction.json")
     with progress(str(capture)) as say:
-        loaded = _load(capture, transfer, None, say)
+        loaded = matest.load_capture(capture, transfer=arguments.encoding(transfer), progress=say)
         say("shading")
         errors = image_errors(loaded, material)
         write_prediction(material, errors, loaded, place)
@@ -171,7 +168,7 @@ def render(
     from matest.simulate import simulate
 
     with progress(str(scene)) as say:
-        folder = simulate(scene, out, lambda done, total: say("rendering images", done, total))
+        folder = simulate(scene, out, say)
     if as_json:
         print_json({"out": str(folder)})
     else:
@@ -264,14 +261,7 @@ def _root(
         typer.echo(context.get_help())
 
 
-def _load(path: Path, transfer: str | None, root: Path | None, say: Say) -> Capture:
-    def count(done: int, total: int) -> None:
-        say("reading images", done, total)
-
-    return matest.load_capture(path, transfer=arguments.transfer(transfer), root=root, progress=count)
-
-
-def _write(found: Estimate, capture: Capture, place: Path, say: Say) -> Estimate:
+def _write(found: Estimate, capture: Capture, place: Path, say: Progress) -> Estimate:
     from matest.report.folder import write_result
 
     provenance = {
@@ -325,23 +315,6 @@ def _name(capture: Path) -> str:
 def _fail(text: str, code: int) -> None:
     print(f"matest: {text}", file=sys.stderr)
     sys.exit(code)
-
-
-def _any_channels(constraints: Any) -> int:
-    """A number of channels that per-channel values fit, for checking names before anything is read."""
-    return max((len(value) for value in constraints.fix.values() if isinstance(value, list)), default=1)
-
-
-def _check_device(device: str) -> None:
-    if device == "cpu":
-        return
-    import torch
-
-    try:
-        torch.zeros(1, device=device)
-    except (RuntimeError, AssertionError) as error:
-        reason = str(error).splitlines()[0][:120]
-        raise InputError(f"--device {device} is not available here ({reason}); use cpu, or cuda where there is a GPU.")
 
 
 def _as_fractions(image: Any) -> Any:

@@ -7,7 +7,6 @@ import math
 import os
 import re
 import shutil
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,6 +25,7 @@ from matest.errors import InputError
 from matest.estimation.specification import optics, resolve
 from matest.photographs.images import read_image, read_mask, write_image
 from matest.photographs.photometry import Encoding, Noise
+from matest.progress import Progress, silent
 from matest.scene import Scene
 from matest.shading import render_image
 
@@ -95,9 +95,7 @@ def radiance(description: SceneDescription, image: int) -> np.ndarray:
     return fine.reshape(height // factor, factor, width // factor, factor, channels).mean(axis=(1, 3))
 
 
-def simulate(
-    path: str | Path, out: str | Path | None = None, progress: Callable[[int, int], None] = lambda *_: None
-) -> Path:
+def simulate(path: str | Path, out: str | Path | None = None, progress: Progress = silent) -> Path:
     """Render a scene file to a capture folder that `matest.load_capture` reads.
 
     Writes the images (PNG of `noise.bits`, otherwise EXR), `mask.png`, `normals.exr`, the mesh and `capture.toml`.
@@ -106,7 +104,7 @@ def simulate(
     Args:
         path: scene file or its folder.
         out: the capture's folder; default: the scene's own.
-        progress: called with the number of images written and their total.
+        progress: called with a word, the number of images written and their total.
 
     Raises:
         InputError: a bad scene, or a folder whose capture was not made by rendering.
@@ -126,7 +124,7 @@ def simulate(
     for number, table in enumerate(tables.image):
         pixels = _expose(radiance(description, number), table.exposure, encoding, noise, generator)
         _replace(folder / names[number], stored_pixels(pixels, encoding, bits))
-        progress(number + 1, len(tables.image))
+        progress("rendering images", number + 1, len(tables.image))
     _write_geometry(description, folder)
     text = _HEADER.format(scene=file.name) + _toml(_capture_table(description, encoding, names))
     temporary = target.with_suffix(".toml.part")

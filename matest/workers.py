@@ -1,14 +1,15 @@
-"""Work on many items with one thread per processor."""
+"""Work on many items at once: threads or processes, one per processor."""
 
 from __future__ import annotations
 
 import itertools
+import multiprocessing
 import os
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import torch
 
@@ -16,17 +17,43 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
-def walk(groups: Iterable[Sequence[Item]], work: Callable[[Item], list[Result]]) -> Iterator[Result]:
-    """What `work` gives for each tile (or what else there is), in their order.
+def processors() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
-    One thread per processor works on a group.
+
+def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
+    """Results of a function for each item, in their order, from one thread per processor.
+
+    Work begins when the first result is asked for. Calls may be nested: each has threads of its own.
+    """
+    with single_threaded_torch(), ThreadPoolExecutor(processors()) as pool:
+        yield from pool.map(function, items)
+
+
+def in_groups(function: Callable[[Item], list[Result]], groups: Iterable[Sequence[Item]]) -> Iterator[Result]:
+    """Results of a function that gives a list for each item, as `in_threads`, but one group of items after the other.
+
+    A group is not drawn before the one before it is done, so that no more than one has to be in memory.
     """
     with single_threaded_torch(), ThreadPoolExecutor(processors()) as pool:
         for group in groups:
             if len(group) == 1:
-                yield from work(group[0])
+                yield from function(group[0])
             else:
-                yield from itertools.chain.from_iterable(pool.map(work, group))
+                yield from itertools.chain.from_iterable(pool.map(function, group))
+
+
+def processes(most: int, prepare: Callable[..., None] | None = None, *arguments: Any) -> ProcessPoolExecutor:
+    """A pool of fresh processes: one per processor, but no more than `most`.
+
+    A forked process would inherit torch's threads without their being alive.
+
+    Args:
+        most: as many as there is work for.
+        prepare: called in each process with `arguments` before anything else.
+    """
+    return ProcessPoolExecutor(min(processors(), most), multiprocessing.get_context("spawn"), prepare, arguments)
 
 
 class _Threads(threading.local):
@@ -64,8 +91,3 @@ def single_threaded_torch() -> Iterator[None]:
             with _lock:
                 _inside -= 1
                 torch.set_num_threads(_before)
-
-
-def processors() -> int:
-    """Processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -8,7 +8,8 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor
 
-from matest.estimation.specification import Constraints, Value, specify
+from matest.estimation.options import Options, Value
+from matest.estimation.specification import specify
 from matest.estimators import Problem
 from matest.estimators.moments import scores
 from matest.estimators.statistics import Statistics
@@ -23,7 +24,8 @@ def problem(
     free: tuple[str, ...] = (),
     tie: Mapping[str, str] | None = None,
 ) -> Problem:
-    return specify(expression, Constraints(fix or {}, free, tie or {}), channels=channels, relative=relative).problem
+    options = Options(fix=fix or {}, free=free, tie=tie or {})
+    return specify(expression, options, channels=channels, relative=relative).problem
 
 
 def ordinary(chosen: Problem, seed: int) -> Tensor:

@@ -16,7 +16,8 @@ import torch
 import matest
 from matest.brdf import CookTorrance, Lambert, model
 from matest.capture import Capture
-from matest.estimation.specification import Constraints, specify
+from matest.estimation.options import Options
+from matest.estimation.specification import specify
 from matest.identifiability import Check, Plan, check
 from matest.identifiability.forecast import forecast, unknowns_at, usable
 from matest.identifiability.next_light import hemisphere
@@ -57,7 +58,7 @@ def without_advice(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def checked(capture: Capture | Plan, name: str, **options: Any) -> Check:
-    return check(capture, name, constraints=Constraints(FIXED.get(name, {})), **options)
+    return check(capture, name, fix=FIXED.get(name, {}), **options)
 
 
 @pytest.mark.usefixtures("without_advice")
@@ -119,7 +120,7 @@ def test_the_advice_tells_what_is_estimated_once_the_light_determines_it() -> No
         brought = np.median([np.ravel(estimate[name].std)[0] for estimate in found])
         assert np.ravel(std)[0] == pytest.approx(brought, rel=0.4)
     # With f0 said there is nothing to free.
-    held = check(where.photograph(material, 1), "cook-torrance", at=glossy, constraints=Constraints({"f0": 0.04})).light
+    held = check(where.photograph(material, 1), "cook-torrance", at=glossy, fix={"f0": 0.04}).light
     assert held is not None
     assert (held.frees, held.freed) == ([], {})
 
@@ -139,7 +140,7 @@ def test_specular_and_f0_are_a_product_under_one_frontal_light() -> None:
     held = check(where.photograph(Lambert(0.5), 1), "cook-torrance").parameters["f0"]
     assert held.status == "held"
     assert held.reason == "f0 and specular appear only as a product here"
-    freed = check(where.photograph(Lambert(0.5), 1), "cook-torrance", constraints=Constraints(free=("f0",))).parameters
+    freed = check(where.photograph(Lambert(0.5), 1), "cook-torrance", free=("f0",)).parameters
     assert freed["specular"].status == freed["f0"].status == "not determined"
     assert freed["specular"].reason == "specular and f0 appear only as a product here"
     assert freed["specular"].std is None
@@ -149,9 +150,9 @@ def test_specular_and_f0_are_a_product_under_one_frontal_light() -> None:
 def test_parameters_along_a_bent_valley_are_never_called_determined() -> None:
     # To first order n is known to a quarter of itself; along a curve the images are the same up to n = 8.
     metal = CookTorrance(0.0, 1.0, 0.2, eta=1.0, k=2.483, fresnel="conductor")
-    held = Constraints(fix={"diffuse": 0.0, "specular": 1.0})
+    held = {"diffuse": 0.0, "specular": 1.0}
     at = {name: float(metal.parameters[name]) for name in ("slope", "eta", "k")}
-    found = check(Studio().photograph(metal, 1), metal.expression, constraints=held, at=at).parameters
+    found = check(Studio().photograph(metal, 1), metal.expression, fix=held, at=at).parameters
     assert found["slope"].status == "determined"
     assert (found["eta"].status, found["k"].status) == ("weak", "weak")
     assert found["eta"].relative < 1
@@ -161,7 +162,7 @@ def test_parameters_along_a_bent_valley_are_never_called_determined() -> None:
 @pytest.mark.usefixtures("without_advice")
 def test_only_the_ratio_of_the_lengths_is_determined_without_coherent_reflection() -> None:
     capture = studio(DIRECTIONS).photograph(Lambert(0.5), 1)
-    found = check(capture, "li-torrance", constraints=Constraints({"f0": 0.04}, free=("height_rms",))).parameters
+    found = check(capture, "li-torrance", fix={"f0": 0.04}, free=("height_rms",)).parameters
     expected = "only height_rms/correlation_length is determined without coherent=on (mirror-like reflection)"
     assert found["height_rms"].reason == found["correlation_length"].reason == expected
     assert found["height_rms"].status == found["correlation_length"].status == "not determined"
@@ -200,7 +201,7 @@ def test_pixels_predicted_to_be_clipped_say_little() -> None:
 
 
 def test_a_highlight_that_light_reaches_but_no_usable_sample_asks_for_a_shorter_exposure() -> None:
-    problem = specify("cook-torrance", Constraints(), channels=1, relative=False).problem
+    problem = specify("cook-torrance", Options(), channels=1, relative=False).problem
     unknowns = unknowns_at(problem, {**problem.brdf.parameters, "slope": torch.tensor(0.05)})
     unseen = forecast(usable(plate(70), problem, unknowns), problem, unknowns)
     assert "shorter exposure" in Reasons(unseen, Nearness(usable=0.5, lit=0.01), False).of("slope")
@@ -315,6 +316,5 @@ def test_values_that_make_no_sense_are_refused() -> None:
     capture = studio(DIRECTIONS).photograph(CookTorrance(), 1)
     assert "did you mean" in refusal(lambda: check(capture, "cook-torrance", at={"slop": 0.1}))
     assert "must lie in" in refusal(lambda: check(capture, "cook-torrance", at={"slope": 3.0}))
-    fixed = Constraints({"slope": 0.1})
-    assert "fixed" in refusal(lambda: check(capture, "cook-torrance", constraints=fixed, at={"slope": 0.2}))
+    assert "fixed" in refusal(lambda: check(capture, "cook-torrance", fix={"slope": 0.1}, at={"slope": 0.2}))
     assert "takes 1 value" in refusal(lambda: check(capture, "cook-torrance", at={"slope": [0.1, 0.2]}))

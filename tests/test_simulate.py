@@ -232,9 +232,9 @@ def test_a_normal_map_is_the_geometry_of_the_capture(tmp_path: Path) -> None:
 
 
 def test_progress_counts_images(tmp_path: Path) -> None:
-    said: list[tuple[int, int]] = []
-    simulate(sphere_scene(tmp_path, SIX_LIGHTS), None, lambda done, total: said.append((done, total)))
-    assert said == [(k, 6) for k in range(1, 7)]
+    calls: list[tuple[object, ...]] = []
+    simulate(sphere_scene(tmp_path, SIX_LIGHTS), None, lambda *said: calls.append(said))
+    assert calls == [("rendering images", k, 6) for k in range(1, 7)]
 
 
 def test_parts_of_a_sum_may_be_given_by_path_or_in_tables(tmp_path: Path) -> None:

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
+
+from matest.progress import Progress
+
+__all__ = ["Progress", "Record"]
 
 
 @dataclass(frozen=True)
@@ -38,9 +42,3 @@ class Record:
     def to_dict(self) -> dict[str, Any]:
         """The record as a line of JSON holds it: without the note."""
         return {name: value for name, value in asdict(self).items() if name != "note"}
-
-
-class Progress(Protocol):
-    """Called with what is being done, and how much of it."""
-
-    def __call__(self, word: str, done: int | None = None, total: int | None = None) -> None: ...

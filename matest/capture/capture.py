@@ -7,8 +7,7 @@ import mmap
 import os
 import tempfile
 import time
-from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -21,7 +20,9 @@ from matest.errors import InputError
 from matest.photographs.images import full_scale, read_image
 from matest.photographs.photometry import FLOAT_FLOOR, Encoding, Noise, estimate_noise, quantisation, steps
 from matest.photographs.samples import PhotographSamples
+from matest.progress import Progress, silent
 from matest.scene import Scene
+from matest.workers import in_threads
 
 # Pixels beyond this many bytes go to a temporary file: memory does not grow with the number of images.
 _MEMORY_BUDGET = 96 << 20
@@ -108,7 +109,7 @@ def load_capture(
     *,
     transfer: str | float | None = None,
     root: Path | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress = silent,
 ) -> Capture:
     """Read a capture: a folder with a `capture.toml`, or that file.
 
@@ -118,7 +119,7 @@ def load_capture(
         path: folder or file.
         transfer: overrides `encoding.transfer`: "linear", "srgb" or a gamma.
         root: folder that file references may not leave (default: the capture's own).
-        progress: called with the number of images decoded and their total.
+        progress: called with a word, the number of images decoded and their total.
 
     Raises:
         InputError: anything about the files that cannot be used, in one sentence.
@@ -188,9 +189,7 @@ def capture_file(path: str | Path, name: str) -> Path:
     return file
 
 
-def _decode(
-    paths: list[Path], first: np.ndarray, pixels: np.ndarray, progress: Callable[[int, int], None] | None
-) -> tuple[np.ndarray, ...]:
+def _decode(paths: list[Path], first: np.ndarray, pixels: np.ndarray, progress: Progress) -> tuple[np.ndarray, ...]:
     """The object's pixels of every image; at no time are more than a few whole images in memory."""
     spill = _Spill()
 
@@ -209,12 +208,9 @@ def _decode(
         return spill.keep(image.reshape(-1, image.shape[2])[pixels])
 
     stored = [spill.keep(first.reshape(-1, first.shape[2])[pixels])]
-    workers = os.cpu_count() or 1
-    with ThreadPoolExecutor(workers) as pool:
-        for count, kept in enumerate(pool.map(load, paths[1:]), start=2):
-            stored.append(kept)
-            if progress:
-                progress(count, len(paths))
+    for count, kept in enumerate(in_threads(load, paths[1:]), start=2):
+        stored.append(kept)
+        progress("reading images", count, len(paths))
     return tuple(stored)
 
 

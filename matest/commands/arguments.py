@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from matest.errors import InputError
+
+if TYPE_CHECKING:
+    from matest.estimation.options import Options
 
 # Options that several commands take.
 Json = Annotated[bool, typer.Option("--json", help="Print machine-readable JSON on standard output.")]
@@ -16,6 +20,28 @@ Transfer = Annotated[
 Fix = Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE", help="Hold a parameter at a value.")]
 Free = Annotated[list[str] | None, typer.Option(metavar="NAME", help="Estimate a parameter held by default.")]
 Tie = Annotated[list[str] | None, typer.Option(metavar="NAME=OTHER", help="Give a parameter another's value.")]
+Out = Annotated[Path | None, typer.Option("-o", "--out", help="Where to write.", show_default=False)]
+
+
+def options(
+    model: str | None,
+    fix: list[str] | None,
+    free: list[str] | None,
+    tie: list[str] | None,
+    transfer: str | None,
+    **others: Any,
+) -> Options:
+    """Options from their texts; `others` are taken as they are."""
+    from matest.estimation.options import Options
+
+    return Options(
+        model=model,
+        fix=dict(map(assignment, fix or [])),
+        free=tuple(free or ()),
+        tie=dict(map(pair, tie or [])),
+        transfer=encoding(transfer),
+        **others,
+    )
 
 
 def assignment(text: str, option: str = "--fix") -> tuple[str, float | list[float]]:
@@ -58,7 +84,7 @@ def line(text: str) -> tuple[float, float, float, float]:
     return x0, y0, x1, y1
 
 
-def transfer(text: str | None) -> str | float | None:
+def encoding(text: str | None) -> str | float | None:
     if text is None or text in ("linear", "srgb"):
         return text
     try:

@@ -42,20 +42,14 @@ def check(
     undetermined, and why; and the direction of one more light that would help most. The photographs need not exist.
     """
     from matest import identifiability
-    from matest.estimation.specification import Constraints
 
-    constraints = Constraints(
-        dict(map(arguments.assignment, fix or [])), tuple(free or ()), dict(map(arguments.pair, tie or []))
-    )
+    options = arguments.options(model, fix, free, tie, transfer)
     assumed = dict(arguments.assignment(text, "--at") for text in at or [])
     stated = None if noise is None else arguments.noise(noise)
     with progress(str(capture)) as say:
-        plan = identifiability.load_plan(
-            capture,
-            transfer=arguments.transfer(transfer),
-            progress=lambda done, total: say("reading images", done, total),
-        )
-        found = identifiability.check(plan, model, constraints=constraints, at=assumed, noise=stated, progress=say)
+        plan = identifiability.load_plan(capture, transfer=options.transfer, progress=say)
+        plan = plan if stated is None else plan.with_noise(*stated)
+        found = identifiability.check_with(plan, options, assumed, say)
     if as_json:
         print_json(found.to_dict())
         return

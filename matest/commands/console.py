@@ -6,35 +6,34 @@ import json
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import typer
+
+from matest.progress import Progress, silent
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 
-class Say(Protocol):
-    """Tells what is being done, and how much of it."""
-
-    def __call__(self, word: str, done: int | None = None, total: int | None = None) -> None: ...
-
-
 @contextmanager
-def progress(title: str) -> Iterator[Say]:
+def progress(title: str) -> Iterator[Progress]:
     """A progress bar with a word on what is being done; nothing in a pipe."""
     if not sys.stderr.isatty():
-        yield lambda *_: None
+        yield silent
         return
+    from rich import progress as bars
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-    columns = (SpinnerColumn(), BarColumn(bar_width=20), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    columns = (
+        bars.SpinnerColumn(), bars.BarColumn(bar_width=20), bars.TextColumn("{task.description}"),
+        bars.TimeElapsedColumn(),
+    )  # fmt: skip
+    with bars.Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(title, total=None)
 
-        def say(word: str, done: int | None = None, total: int | None = None) -> None:
-            bar.update(task, description=f"{title}: {word}", completed=done or 0, total=total)
+        def say(what: str, done: int | None = None, total: int | None = None) -> None:
+            bar.update(task, description=f"{title}: {what}", completed=done or 0, total=total)
 
         yield say
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -13,10 +14,11 @@ from torch import Tensor
 from matest.brdf import Brdf
 from matest.capture import Capture
 from matest.errors import InputError
+from matest.estimation.options import AUTO, Options, Value
 from matest.estimation.remarks import message, skipped, unread_samples, warnings
 from matest.estimation.result import Candidate, Estimate, Fit
 from matest.estimation.selection import select
-from matest.estimation.specification import Constraints, Specification, Value, freed, optics, specify
+from matest.estimation.specification import Specification, freed, optics, specify
 from matest.estimators import Problem, Solution, accumulate, fit
 from matest.estimators.covariance import fisher
 from matest.inference.error_bars import error_bars
@@ -29,16 +31,16 @@ from matest.inference.parameter_estimates import (
 )
 from matest.photographs.redundant import idle, without_copies
 from matest.photographs.samples import PhotographSamples
+from matest.progress import Progress, silent
 from matest.shading import render
 
 # A parameter held by default is freed when its predicted relative error is below this.
 _WORTH_FREEING = 0.25
-Progress = Callable[[str], None]
 
 
 def estimate(
     capture: Capture,
-    model: str = "auto",
+    model: str = AUTO,
     *,
     fix: Mapping[str, Value] | None = None,
     free: Sequence[str] = (),
@@ -47,7 +49,7 @@ def estimate(
     precision: float | None = None,
     seed: int = 0,
     device: str = "cpu",
-    progress: Progress = lambda _: None,
+    progress: Progress = silent,
 ) -> Estimate:
     """The material of a capture with its error bars.
 
@@ -67,31 +69,43 @@ def estimate(
     Raises:
         InputError: unknown names, impossible constraints, no usable pixel.
     """
+    options = Options(
+        model=model, fix=fix or {}, free=free, tie=tie or {}, holdout=holdout, precision=precision, seed=seed,
+        device=device,
+    )  # fmt: skip
+    return estimate_with(capture, options, progress)
+
+
+def estimate_with(capture: Capture, options: Options, progress: Progress = silent) -> Estimate:
+    """The material of a capture with its error bars, as options ask for it.
+
+    Raises:
+        InputError: see `estimate`.
+    """
     clock = time.perf_counter()
-    if precision is not None and not 0 < precision < 1:
-        raise InputError(f"precision is a relative standard error, such as 0.001, between 0 and 1; got {precision}.")
-    given, told = capture, fix or {}
-    capture, told = _one_channel(capture, told)
-    images = _fitted_images(capture, holdout)
+    given = capture
+    capture, fix = _one_channel(capture, options.fix)
+    options = replace(options, fix=fix)
+    images = options.fitted_images(len(capture))
     passed = idle(capture, images)
     if len(passed) == len(images):
         raise InputError(f"{capture.name}: the lights of every image are stated to give no light; correct irradiance.")
-    constraints = Constraints(told, tuple(free), tie or {})
-    samples = capture.samples([image for image in images if image not in passed], device=device)
+    samples = capture.samples([image for image in images if image not in passed], device=options.device)
     if not len(samples):
         raise InputError(_no_samples(capture, samples))
-    candidates: list[Candidate] = []
-    if model == "auto":
-        model, candidates = select(samples, constraints, seed, progress)
+    expression, candidates = options.model, list[Candidate]()
+    if expression is None or options.automatic:
+        expression, candidates = select(samples, options, progress)
     specification = specify(
-        model, constraints, channels=capture.channels, relative=capture.relative, scene=capture.scene
+        expression, options, channels=capture.channels, relative=capture.relative, scene=capture.scene
     )
-    solution = fit(specification.problem, samples, seed, progress, precision=precision or 0.0)
+    precision = options.precision or 0.0
+    solution = fit(specification.problem, samples, options.seed, progress, precision=precision)
     bars = error_bars(solution, samples)
     wider = freed(specification, _worth_freeing(specification, solution))
     if wider.problem.free != specification.problem.free:
         problem = wider.problem.limited(solution.problem.light_scale_limit)
-        again = fit(problem, samples, seed, progress, _widened(problem, solution), precision or 0.0)
+        again = fit(problem, samples, options.seed, progress, _widened(problem, solution), precision)
         judged = error_bars(again, samples)
         # What looked determined by its Fisher error may not be by an honest one.
         if all(parameter_estimate(again, judged, name).status != "not determined" for name in problem.free):
@@ -118,9 +132,9 @@ def estimate(
         errors=bars.kind,
         outliers=statistics.outliers,
     )
-    left_out = None
+    left_out, holdout = None, sorted({*options.holdout})
     if holdout:
-        left_out = {"images": sorted(set(holdout)), "relative_rmse": relative_error(given, material, set(holdout))}
+        left_out = {"images": holdout, "relative_rmse": relative_error(given, material, holdout)}
     # Noise belongs to the fit: reading is decoding, geometry is normals, rays and directions.
     fit_s = time.perf_counter() - clock + capture.timing.get("noise", 0.0)
     return Estimate(
@@ -133,10 +147,10 @@ def estimate(
         fit=outcome,
         relative=capture.relative,
         candidates=candidates,
-        skipped=skipped(samples, solution, passed, len(set(holdout)), candidates),
+        skipped=skipped(samples, solution, passed, len(holdout), candidates),
         timing_s={**{stage: capture.timing.get(stage, 0.0) for stage in ("read", "geometry")}, "fit": fit_s},
         holdout=left_out,
-        warnings=warnings(samples, specification, solution, parameters, bars, passed, precision),
+        warnings=warnings(samples, specification, solution, parameters, bars, passed, options.precision),
     )
 
 
@@ -224,18 +238,6 @@ def _one_channel(capture: Capture, fix: Mapping[str, Value]) -> tuple[Capture, M
         return capture, fix
     several = {name: value for name, value in fix.items() if not isinstance(value, int | float)}
     return reduced, {**fix, **{name: value[0] for name, value in several.items() if len(value) == capture.channels}}
-
-
-def _fitted_images(capture: Capture, holdout: Sequence[int]) -> tuple[int, ...]:
-    for image in holdout:
-        if not 0 <= image < len(capture):
-            raise InputError(
-                f"holdout image {image}: the capture has images 0 to {len(capture) - 1}; correct --holdout."
-            )
-    images = tuple(image for image in range(len(capture)) if image not in holdout)
-    if not images:
-        raise InputError("every image is held out: leave at least one for the fit.")
-    return images
 
 
 def _no_samples(capture: Capture, samples: PhotographSamples) -> str:

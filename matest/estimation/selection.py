@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,10 +12,12 @@ import torch
 from torch import Tensor
 
 from matest.errors import InputError
+from matest.estimation.options import Options
 from matest.estimation.result import Candidate
-from matest.estimation.specification import Constraints, specify
+from matest.estimation.specification import specify
 from matest.estimators import Problem, fit_batches
 from matest.estimators.passes import predicted
+from matest.progress import Progress, silent
 from matest.samples import Batch, Samples
 
 # From few to many parameters; a later one replaces an earlier one only if it predicts better.
@@ -68,9 +69,7 @@ class _Trial:
         return math.sqrt(float(self.errors.mean()))
 
 
-def select(
-    samples: Samples, constraints: Constraints, seed: int, progress: Callable[[str], None]
-) -> tuple[str, list[Candidate]]:
+def select(samples: Samples, options: Options, progress: Progress = silent) -> tuple[str, list[Candidate]]:
     """The smallest candidate that no other one beats, and the record of the comparison.
 
     Candidates that lack a constrained parameter are not tried.
@@ -78,17 +77,15 @@ def select(
     Raises:
         InputError: no candidate has the constrained parameters.
     """
-    parts = _parts(samples.pilot(_SAMPLES, seed))
+    parts = _parts(samples.pilot(_SAMPLES, options.seed))
     problems: dict[str, Problem] = {}
     for expression in CANDIDATES:
         # A candidate that the constraints do not fit is not tried.
         with contextlib.suppress(InputError):
-            found = specify(
-                expression, constraints, channels=samples.channels, relative=samples.relative, scene=samples
-            )
+            found = specify(expression, options, channels=samples.channels, relative=samples.relative, scene=samples)
             problems[expression] = found.problem
     if not problems:
-        names = ", ".join([*constraints.fix, *constraints.free, *constraints.tie])
+        names = ", ".join([*options.fix, *options.free, *options.tie])
         raise InputError(f"no model that 'auto' tries fits what was said of {names}: name the model with --model.")
     trials, verdicts = [], {}
     best: _Trial | None = None

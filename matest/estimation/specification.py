@@ -1,9 +1,9 @@
-"""What to estimate: from a model expression and --fix, --free, --tie to a problem."""
+"""What to estimate: from a model expression and options to a problem."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Protocol
 
@@ -13,9 +13,8 @@ from torch import Tensor
 from matest.brdf import Brdf, Sum, model
 from matest.brdf.base import absent
 from matest.errors import InputError, nearest
+from matest.estimation.options import Options, Value
 from matest.estimators import Problem
-
-Value = float | Sequence[float]
 
 
 class Optics(Protocol):
@@ -23,21 +22,6 @@ class Optics(Protocol):
 
     def optics(self, name: str) -> Tensor | None:
         """See `Scene.optics`."""
-
-
-@dataclass(frozen=True)
-class Constraints:
-    """What the user says of parameters, by name or path.
-
-    Attributes:
-        fix: values that are not estimated.
-        free: parameters estimated although they are held by default.
-        tie: dependent -> the parameter whose value it takes.
-    """
-
-    fix: Mapping[str, Value] = field(default_factory=dict)
-    free: Sequence[str] = ()
-    tie: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -55,10 +39,29 @@ class Specification:
     assumed: tuple[str, ...] = ()
 
 
+def check_options(options: Options) -> None:
+    """Refuse, before anything is read, what no capture can make right.
+
+    Raises:
+        InputError: see `specify`; a device that is not there.
+    """
+    if options.model is not None and not options.automatic:
+        # As many channels as the values have: there is no image yet to count them of.
+        channels = max((len(value) for value in options.fix.values() if isinstance(value, Sequence)), default=1)
+        specify(options.model, options, channels=channels, relative=False)
+    try:
+        torch.zeros(1, device=options.device)
+    except (RuntimeError, AssertionError) as error:
+        reason = str(error).splitlines()[0][:120]
+        raise InputError(
+            f"--device {options.device} is not available here ({reason}); use cpu, or cuda where there is a GPU."
+        )
+
+
 def specify(
-    expression: str, constraints: Constraints, *, channels: int, relative: bool, scene: Optics | None = None
+    expression: str, options: Options, *, channels: int, relative: bool, scene: Optics | None = None
 ) -> Specification:
-    """The problem that an expression and constraints describe, for images of `channels` channels.
+    """The problem that an expression and what options fix, free and tie describe, for images of `channels` channels.
 
     `scene` gives what models take from lights and camera.
 
@@ -66,10 +69,10 @@ def specify(
         InputError: an unknown model or parameter, a value outside its domain, a tie that makes no sense.
     """
     brdf, bracketed = model(expression)
-    freed = {resolve(brdf, name) for name in constraints.free}
-    told = by_path(brdf, {**bracketed, **constraints.fix}, freed)
+    freed = {resolve(brdf, name) for name in options.free}
+    told = by_path(brdf, {**bracketed, **options.fix}, freed)
     fixed = {name: _value(brdf, name, value, channels) for name, value in told.items()}
-    ties = {resolve(brdf, name): resolve(brdf, source) for name, source in constraints.tie.items()}
+    ties = {resolve(brdf, name): resolve(brdf, source) for name, source in options.tie.items()}
     for name, source in ties.items():
         if _kind(brdf, name) != _kind(brdf, source):
             raise InputError(

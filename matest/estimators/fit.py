@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import torch
@@ -25,6 +25,7 @@ from matest.estimators.starts import (
     thinned,
 )
 from matest.estimators.unknowns import Problem
+from matest.progress import Progress, silent
 from matest.samples import Batch, Samples, Tile
 from matest.samples.batch import join
 from matest.samples.tiles import in_memory
@@ -50,8 +51,6 @@ _GAUGE_ROUNDS = 6
 # Subsamples with fewer samples times lights are worked on in one tile.
 _ONE_TILE = 10_000
 _PASSES = 60
-
-Progress = Callable[[str], None]
 
 
 @single_threaded_torch()
@@ -119,7 +118,7 @@ def fit(
     problem: Problem,
     samples: Samples,
     seed: int,
-    progress: Progress = lambda _: None,
+    progress: Progress = silent,
     start: Tensor | None = None,
     precision: float = 0.0,
 ) -> Solution:

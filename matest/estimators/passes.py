@@ -15,7 +15,7 @@ from matest.estimators.moments import Moments, joined, moments, nothing
 from matest.estimators.statistics import Statistics
 from matest.estimators.unknowns import Problem
 from matest.samples import Batch, Tile, Tiles
-from matest.workers import walk
+from matest.workers import in_groups
 
 # Statistics at any unknowns.
 Evaluate = Callable[[Tensor], Statistics]
@@ -134,7 +134,7 @@ def _collect(
                 problem = tile.first_guess() if reference is None else tile.about(reference, residual_scale)
             return [*parts, moments(columns, problem, problem.response - radiance, tile.batch.groups)]
 
-    total = joined([nothing(*basis.coefficients.shape), *walk(tiles, work)])
+    total = joined([nothing(*basis.coefficients.shape), *in_groups(work, tiles)])
     return Compressed(basis.coefficients, basis.exposure, total)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Any
@@ -14,7 +14,8 @@ from torch import Tensor
 
 from matest.capture import Capture
 from matest.errors import InputError
-from matest.estimation.specification import Constraints, Specification, Value, by_path, specify
+from matest.estimation.options import Options, Value
+from matest.estimation.specification import Specification, by_path, specify
 from matest.identifiability.forecast import Forecast, as_estimated, bent_near, forecast, unknowns_at, usable
 from matest.identifiability.next_light import NextLight, next_light, with_light
 from matest.identifiability.plan import Plan, exposed
@@ -23,6 +24,7 @@ from matest.inference.parameter_estimates import known_by_ratio, numerator_of, r
 from matest.inference.quantities import Number, ParameterEstimate
 from matest.parameters import Domain
 from matest.photographs.samples import PhotographSamples
+from matest.progress import Progress, silent
 from matest.shading import gathered_light, lit_directions
 
 SCHEMA = "matest.check/1"
@@ -32,8 +34,6 @@ DEFAULT_MODEL = "oren-nayar+cook-torrance"
 _LEVELS = (0.5, 2.0)
 # A relative standard error above this is worth a word even where the parameter counts as determined.
 _WEAK = 1.0
-
-Progress = Callable[[str, int | None, int | None], None]
 
 
 @dataclass(frozen=True)
@@ -130,10 +130,12 @@ def check(
     plan: Plan | Capture,
     model: str | None = None,
     *,
-    constraints: Constraints | None = None,
+    fix: Mapping[str, Value] | None = None,
+    free: Sequence[str] = (),
+    tie: Mapping[str, str] | None = None,
     at: Mapping[str, Value] | None = None,
     noise: tuple[float, float] | None = None,
-    progress: Progress = lambda *_: None,
+    progress: Progress = silent,
 ) -> Check:
     """Standard errors that `estimate` will report, predicted from geometry, lights, noise and values of the material.
 
@@ -144,7 +146,7 @@ def check(
     Args:
         plan: of `load_plan`, or a capture; the pixels of its photographs serve for nothing but their noise.
         model: an expression; default: the scene's material, else "oren-nayar+cook-torrance".
-        constraints: parameters fixed, freed and tied, as for `estimate`.
+        fix, free, tie: parameters, as for `estimate`.
         at: values that are assumed, by name or path; these are estimated all the same.
         noise: read and gain instead of the plan's: variance = read² + gain·signal, in fractions of full scale.
         progress: called with a word, and how much of it is done.
@@ -155,18 +157,29 @@ def check(
     """
     plan = Plan.of(plan) if isinstance(plan, Capture) else plan
     plan = plan if noise is None else plan.with_noise(*noise)
-    capture, told = plan.capture, constraints or Constraints()
+    return check_with(plan, Options(model=model, fix=fix or {}, free=free, tie=tie or {}), at or {}, progress)
+
+
+def check_with(plan: Plan, options: Options, at: Mapping[str, Value], progress: Progress = silent) -> Check:
+    """What `check` says of a plan, as options ask for it; values `at` are assumed.
+
+    Raises:
+        InputError: see `check`.
+    """
+    capture, model = plan.capture, options.model
     own = plan.material if plan.material is not None and model in (None, plan.material.expression) else None
     expression = own.expression if own is not None else model or DEFAULT_MODEL
-    specification = specify(expression, told, channels=capture.channels, relative=capture.relative, scene=capture.scene)
+    specification = specify(
+        expression, options, channels=capture.channels, relative=capture.relative, scene=capture.scene
+    )
     if not specification.problem.free:
         raise InputError(f"every parameter of {expression} is fixed or tied: there is no error to predict; free one.")
-    fixed = by_path(specification.problem.brdf, told.fix)
+    fixed = by_path(specification.problem.brdf, options.fix)
     scene = {} if own is None else {name: value for name, value in own.parameters.items() if name not in fixed}
-    given = scene | _by_ratio(specification, scene) | _assumed(specification, at or {})
+    given = scene | _by_ratio(specification, scene) | _assumed(specification, at)
     specification, values = _nominal(specification, given)
 
-    progress("predicting photographs", None, None)
+    progress("predicting photographs")
     capture = capture if plan.exposed else exposed(capture, specification.problem.brdf.replace(values))
     problem = specification.problem
     samples = usable(capture, problem, unknowns_at(problem, values))
@@ -175,7 +188,7 @@ def check(
     levels = _levels(specification, values, given)
     spread = [found]
     for changed in levels:
-        progress("trying other roughnesses", None, None)
+        progress("trying other roughnesses")
         there = unknowns_at(found.problem, changed)
         spread.append(forecast(usable(capture, found.problem, there), found.problem, there))
     advised, light = next_light(capture, found, progress), None

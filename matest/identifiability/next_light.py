@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +11,7 @@ from torch import Tensor
 
 from matest.capture import Capture
 from matest.identifiability.forecast import Forecast, forecast, usable
+from matest.progress import Progress, silent
 from matest.scene import DirectionalLight, Scene
 
 # Directions tried, evenly over all within so many degrees of the camera's, and how many are worked out on all pixels.
@@ -39,9 +39,7 @@ class NextLight:
     after: Forecast
 
 
-def next_light(
-    capture: Capture, before: Forecast, progress: Callable[[str, int, int], None] = lambda *_: None
-) -> NextLight | None:
+def next_light(capture: Capture, before: Forecast, progress: Progress = silent) -> NextLight | None:
     """The distant light that lowers the largest relative error bar most; None if no light lowers any.
 
     Noise is that of the capture, exposure and irradiance are the means of its photographs. Shadows are traced. Two

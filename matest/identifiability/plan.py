@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from matest.capture.assembly import Folder, build_encoding, build_scene, build_s
 from matest.capture.capture import capture_file
 from matest.errors import InputError
 from matest.photographs.photometry import Noise, quantisation
+from matest.progress import Progress, silent
 from matest.shading import render_image
 from matest.simulate import bits_of, channels_of, material_of, shape_of, stored_pixels
 
@@ -69,14 +69,14 @@ def load_plan(
     path: str | Path,
     *,
     transfer: str | float | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress = silent,
 ) -> Plan:
     """Read what is to be checked: a capture with or without its photographs, or a scene.
 
     Args:
         path: a folder with a `capture.toml` or else a `scene.toml`, or one of these files.
         transfer: overrides `encoding.transfer`.
-        progress: called with the number of images decoded and their total.
+        progress: called with a word, the number of images decoded and their total.
 
     Raises:
         InputError: anything about the files that cannot be used; only some of the photographs exist.

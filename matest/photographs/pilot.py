@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ import torch
 from matest.directions import dot
 from matest.photographs.pixels import BLOCKS, LitPixels
 from matest.samples import Batch
-from matest.workers import walk
+from matest.workers import in_threads
 
 # Classes of the angle between half vector and normal, degrees: highlights are small and must not be missed.
 _HALF_ANGLES = torch.tensor([2.0, 4.0, 8.0, 16.0, 32.0])
@@ -40,7 +41,7 @@ def pilot(pixels: LitPixels, count: int, seed: int) -> list[Batch]:
         pixels.capture.release(image)
         return [batch]
 
-    return list(walk([range(len(pixels.images))], draw))
+    return list(itertools.chain.from_iterable(in_threads(draw, range(len(pixels.images)))))
 
 
 def _one_of_each(length: int, count: int, generator: np.random.Generator) -> np.ndarray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -17,6 +16,7 @@ from matest.photographs.photometry import as_tensor, rounding
 from matest.samples.batch import Batch
 from matest.samples.likelihood import Limits, MeasurementNoise, Readout
 from matest.scene import Points
+from matest.workers import in_threads
 
 if TYPE_CHECKING:
     from matest.capture.capture import Capture
@@ -72,8 +72,8 @@ class LitPixels:
             self.capture.release(image)
             return np.packbits(usable), int(dark.sum()), 0 if saturated is None else int((usable & saturated).sum())
 
-        with ThreadPoolExecutor() as pool:
-            usable_bits, dark, saturated = (list(column) for column in zip(*pool.map(select, self.images), strict=True))
+        columns = zip(*in_threads(select, self.images), strict=True)
+        usable_bits, dark, saturated = (list(column) for column in columns)
         skipped = {
             "background": background * len(self.images),
             "shadowed": sum(dark),

@@ -8,7 +8,7 @@ import re
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +17,7 @@ from matest.brdf import Brdf
 from matest.capture import Capture
 from matest.errors import InputError
 from matest.estimation.result import Estimate
+from matest.progress import Progress, silent
 from matest.report.page import page
 from matest.report.pictures import write_pictures
 
@@ -79,9 +80,7 @@ def whole_folder(out: Path) -> Iterator[Path]:
     shutil.rmtree(previous, ignore_errors=True)
 
 
-def write_result(
-    estimate: Estimate, capture: Capture, out: Path, progress: Callable[[str], None] = lambda _: None
-) -> Estimate:
+def write_result(estimate: Estimate, capture: Capture, out: Path, progress: Progress = silent) -> Estimate:
     """Write the result folder of an estimate; returns the estimate with its timing completed.
 
     Writes `result.json`, `material.json`, `report.html`, `profile.csv` and the pictures in `images/`.

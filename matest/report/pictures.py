@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from matest.photographs.images import write_image
 from matest.photographs.photometry import srgb
 from matest.profiles import cross_section, middle_row
 from matest.shading import render_image
-from matest.workers import walk
+from matest.workers import in_threads
 
 # The residual picture shows differences up to this share of the photograph's rms brightness.
 RESIDUAL_RANGE = 0.1
@@ -54,7 +55,7 @@ def write_pictures(capture: Capture, material: Brdf, folder: Path, *, radiance: 
         own = [(f"photo_{number:02d}", photo), (f"render_{number:02d}", render)]
         return [(name, cross_section(image, line)) for name, image in own]
 
-    columns = dict(walk([range(len(capture))], draw))
+    columns = dict(itertools.chain.from_iterable(in_threads(draw, range(len(capture)))))
     write_columns(folder / "profile.csv", {"x": np.arange(len(next(iter(columns.values())))), **columns})
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +14,7 @@ from matest.scene.lights import Light, PointLight
 from matest.scene.points import Points, illuminate
 from matest.scene.surface import Surface
 from matest.scene.visibility import cast_shadows, shadow_edges, unoccluded_fraction
+from matest.workers import in_threads
 
 
 @dataclass(frozen=True)
@@ -74,8 +74,7 @@ class Scene:
             shadows = np.stack([shadow for shadow in traced if shadow is not None])
             return shadows, np.any([shadow_edges(self.surface, shadow) for shadow in shadows], axis=0)
 
-        with ThreadPoolExecutor() as pool:
-            results = list(pool.map(trace, self.lights))
+        results = list(in_threads(trace, self.lights))
         return dataclasses.replace(
             self,
             shadows=tuple(r[0] for r in results),

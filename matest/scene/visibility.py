@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
 from matest.scene.lights import DirectionalLight, Light
 from matest.scene.surface import Surface
+from matest.workers import in_threads
 
 # Rays that find how much of the sky a pixel sees, and pixels worked on at once.
 _SKY_RAYS, _SKY_TILE = 128, 8_192
@@ -74,8 +74,7 @@ def unoccluded_fraction(surface: Surface) -> np.ndarray | None:
         start = np.repeat(origins[part], _SKY_RAYS, axis=0)
         free[part] = 1 - mesh.blocked(start, toward.reshape(-1, 3)).reshape(-1, _SKY_RAYS).mean(axis=1)
 
-    with ThreadPoolExecutor() as pool:
-        list(pool.map(trace, np.array_split(np.arange(len(surface)), max(len(surface) // _SKY_TILE, 1))))
+    list(in_threads(trace, np.array_split(np.arange(len(surface)), max(len(surface) // _SKY_TILE, 1))))
     return free
 
 

@@ -30,7 +30,7 @@ class Here:
 
 @pytest.fixture(autouse=True)
 def _few(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(efficiency, "ProcessPoolExecutor", Here)
+    monkeypatch.setattr(efficiency, "processes", Here)
     monkeypatch.setattr(efficiency, "MODELS", ("lambert", "cook-torrance"))
     for suite in (efficiency, outliers):
         monkeypatch.setattr(suite, "CAPTURES_QUICK", 2)

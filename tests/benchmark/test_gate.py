@@ -25,7 +25,7 @@ from tests.benchmark.test_efficiency import Here
 @pytest.fixture
 def run(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path):
     """`matest benchmark --quick ARGUMENTS` on tiny suites in an empty checkout: exit code, output, errors."""
-    monkeypatch.setattr(efficiency, "ProcessPoolExecutor", Here)
+    monkeypatch.setattr(efficiency, "processes", Here)
     monkeypatch.setattr(efficiency, "MODELS", ("lambert",))
     monkeypatch.setattr(efficiency, "CAPTURES_QUICK", 3)
     monkeypatch.setattr(scaling, "SIDES_QUICK", (16, 20, 24))

@@ -6,7 +6,8 @@ import pytest
 
 from matest.benchmark.instruments.optimum import excess
 from matest.benchmark.instruments.simulated import CLEAN, draw
-from matest.estimation.specification import Constraints, specify
+from matest.estimation.options import Options
+from matest.estimation.specification import specify
 from matest.identifiability.forecast import unknowns_at
 
 
@@ -15,7 +16,7 @@ def test_the_grid_finds_what_a_fit_stuck_elsewhere_has_missed(expression: str) -
     drawn = draw(expression, 1)
     capture = drawn.photograph(CLEAN)
     held = {"f0": 0.04} if expression == "cook-torrance" else {}
-    problem = specify(expression, Constraints(fix=held), channels=capture.channels, relative=False).problem
+    problem = specify(expression, Options(fix=held), channels=capture.channels, relative=False).problem
     truth = unknowns_at(problem, drawn.material.parameters)
     stuck = truth.clone()
     stuck[problem.where[problem.shapes[0]]] *= 2

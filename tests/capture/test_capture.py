@@ -213,8 +213,8 @@ def test_digests_are_those_of_the_files(folder):
 
 def test_progress_counts_the_images(folder):
     calls = []
-    folder.load(progress=lambda done, total: calls.append((done, total)))
-    assert calls[-1] == (2, 2)
+    folder.load(progress=lambda *said: calls.append(said))
+    assert calls[-1] == ("reading images", 2, 2)
 
 
 def test_pixels_beyond_the_memory_budget_are_the_same(folder, monkeypatch):

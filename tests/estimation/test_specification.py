@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 import torch
 
 from matest.brdf import model
-from matest.estimation.specification import Constraints, freed, resolve, specify
+from matest.estimation.options import Options
+from matest.estimation.specification import freed, resolve, specify
 from tests.captures import refusal
 
 SUM = "oren-nayar+torrance-sparrow"
 
 
-def specified(expression: str, **constraints: object):
-    return specify(expression, Constraints(**constraints), channels=3, relative=False)
+def specified(expression: str, **options: Any):
+    return specify(expression, Options(**options), channels=3, relative=False)
 
 
 def test_everything_is_free_unless_held_by_default() -> None:
@@ -113,7 +116,7 @@ def test_freeing_keeps_the_order_of_declaration() -> None:
 
 
 def test_relative_radiometry_is_handed_on() -> None:
-    found = specify("oren-nayar", Constraints(), channels=1, relative=True)
+    found = specify("oren-nayar", Options(), channels=1, relative=True)
     assert found.problem.relative
     assert found.problem.gauges == ["interreflection"]
 

@@ -20,7 +20,6 @@ from matest.photographs.photometry import Noise
 from matest.photographs.samples import PhotographSamples
 from matest.samples import Batch, Tile
 from matest.shading import shade
-from matest.workers import single_threaded_torch
 from tests.captures import directional
 from tests.problems import ordinary, problem
 from tests.simulated import Studio
@@ -268,20 +267,3 @@ def test_inflation_is_never_below_one() -> None:
     found = accumulate(chosen, nothing, tiled(clean.samples(dtype=torch.float64), 100), nothing)
     assert found.total("chi2") < 1e-3
     assert found.inflation == 1.0
-
-
-def test_torch_gets_its_threads_back_even_after_an_error() -> None:
-    before = torch.get_num_threads()
-
-    def fail() -> None:
-        with single_threaded_torch():
-            assert torch.get_num_threads() == 1
-            raise RuntimeError
-
-    torch.set_num_threads(2)
-    try:
-        with pytest.raises(RuntimeError):
-            fail()
-        assert torch.get_num_threads() == 2
-    finally:
-        torch.set_num_threads(before)

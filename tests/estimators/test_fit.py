@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import threading
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -24,7 +23,6 @@ from matest.estimators.statistics import Statistics
 from matest.photographs.samples import PhotographSamples
 from matest.samples import Batch, Tile
 from matest.shading import shade
-from matest.workers import single_threaded_torch
 from tests.problems import problem
 from tests.simulated import Studio, coloured
 
@@ -206,33 +204,6 @@ def test_a_long_step_of_a_bent_curve_is_looked_at() -> None:
     found = minimise(chosen, start, evaluate, passes=60, tolerance=1.0)
     assert float(found.unknowns) == pytest.approx(0.3, abs=1e-3)
     assert len(visited) > 2
-
-
-def test_estimates_side_by_side_leave_torch_its_threads() -> None:
-    before, inside, out = torch.get_num_threads(), threading.Event(), threading.Event()
-    torch.set_num_threads(2)
-
-    def other() -> None:
-        with single_threaded_torch():
-            inside.set()
-            out.wait(10)
-
-    thread = threading.Thread(target=other)
-    try:
-        with single_threaded_torch():
-            thread.start()
-            inside.wait(10)
-            with single_threaded_torch():
-                assert torch.get_num_threads() == 1
-            assert torch.get_num_threads() == 1
-        out.set()
-        thread.join()
-        assert torch.get_num_threads() == 2
-        with pytest.raises(KeyError), single_threaded_torch():
-            raise KeyError
-        assert torch.get_num_threads() == 2
-    finally:
-        torch.set_num_threads(before)
 
 
 def test_of_optima_that_the_data_cannot_tell_apart_one_inside_the_domain_is_taken() -> None:

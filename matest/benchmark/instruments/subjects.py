@@ -17,7 +17,8 @@ from matest.benchmark.rivals.hand_written import Model, levenberg_marquardt
 from matest.benchmark.rivals.mitsuba_tutorial import Photographs
 from matest.brdf import Brdf, model
 from matest.capture import Capture
-from matest.estimation.specification import Constraints, specify
+from matest.estimation.options import Options
+from matest.estimation.specification import specify
 from matest.estimators import Problem, accumulate
 from matest.estimators.covariance import fisher
 from matest.identifiability.forecast import unknowns_at
@@ -77,8 +78,8 @@ class Subject:
     def problem(self) -> Problem:
         """What is estimated."""
         scene = self.capture.scene
-        constraints = Constraints(fix=self.fixed)
-        return specify(self.expression, constraints, channels=scene.channels, relative=False, scene=scene).problem
+        options = Options(fix=self.fixed)
+        return specify(self.expression, options, channels=scene.channels, relative=False, scene=scene).problem
 
     def photographs(self) -> Photographs:
         """The capture as whole images, of a sphere by `sphere_of`."""

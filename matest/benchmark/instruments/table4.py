@@ -13,7 +13,8 @@ from matest.benchmark.instruments.passes import element_wise, seconds
 from matest.benchmark.instruments.timing import TILE, forward, random_directions
 from matest.benchmark.record import Progress, Record
 from matest.brdf import Brdf, LiTorrance, model, preset
-from matest.estimation.specification import Constraints, specify
+from matest.estimation.options import Options
+from matest.estimation.specification import specify
 from matest.estimators import fit_batches
 from matest.samples import Batch
 from matest.samples.likelihood import MeasurementNoise, Readout
@@ -107,7 +108,7 @@ def coefficients(name: str, sample: str) -> Brdf:
             }
         )
     held = {"f0": float(published.f0)} if name == RIVAL else {}
-    problem = specify(name, Constraints(held), channels=1, relative=False).problem
+    problem = specify(name, Options(fix=held), channels=1, relative=False).problem
     found = fit_batches(problem, [_table(published)])
     return found.problem.material(found.unknowns)
 

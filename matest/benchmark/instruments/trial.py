@@ -11,8 +11,9 @@ from torch import Tensor
 import matest
 from matest.benchmark.instruments.optimum import excess
 from matest.benchmark.instruments.simulated import CLEAN, Conditions, Draw, draw
+from matest.estimation.options import Options
 from matest.estimation.result import Estimate
-from matest.estimation.specification import Constraints, specify
+from matest.estimation.specification import specify
 from matest.estimators import Problem, accumulate
 from matest.estimators.covariance import fisher
 from matest.identifiability.forecast import unknowns_at
@@ -134,7 +135,7 @@ def _trial(drawn: Draw, conditions: Conditions, grid: bool) -> Trial:
     held = {name: drawn.material.parameters[name].tolist() for name in _HELD if name in drawn.material.declared}
     capture = drawn.photograph(conditions)
     problem = specify(
-        expression, Constraints(fix=held), channels=capture.channels, relative=False, scene=capture.scene
+        expression, Options(fix=held), channels=capture.channels, relative=False, scene=capture.scene
     ).problem
     truth = unknowns_at(problem, drawn.material.parameters)
     samples = drawn.ideal(conditions).samples(dtype=torch.float64)

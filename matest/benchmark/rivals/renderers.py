@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import tempfile
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -20,6 +18,7 @@ from matest.benchmark.rivals import drjit_solver, mitsuba_tutorial
 from matest.benchmark.rivals.hand_written import cook_torrance_smith
 from matest.benchmark.rivals.mitsuba_tutorial import Photographs
 from matest.benchmark.rivals.solvers import SETTLED, STILL
+from matest.workers import processes
 
 MISSING = (
     'not measured: Mitsuba 3 or LLVM is missing; pip install "matest-brdf[peers]", install LLVM (Debian: apt-get '
@@ -86,13 +85,11 @@ def race(task: Task, photographs: Photographs, optimum: Values, patience: float,
         patience: seconds after which a run of Adam ends.
         close: relative distance from the optimum, of every parameter, at which it may end earlier.
     """
-    with tempfile.TemporaryDirectory() as home:
-        pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _at_home, (home,))
-        with pool:
-            try:
-                return Race.from_plain(pool.submit(_race, task, photographs, optimum, patience, close).result())
-            except (ImportError, BrokenProcessPool):
-                return None
+    with tempfile.TemporaryDirectory() as home, processes(1, _at_home, home) as pool:
+        try:
+            return Race.from_plain(pool.submit(_race, task, photographs, optimum, patience, close).result())
+        except (ImportError, BrokenProcessPool):
+            return None
 
 
 def _at_home(home: str) -> None:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-import multiprocessing
 import time
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 
 from rich.console import Group
@@ -17,7 +15,7 @@ from matest.benchmark.instruments.simulated import CLEAN, Conditions
 from matest.benchmark.instruments.trial import Trial, described, trial
 from matest.benchmark.record import Progress, Record
 from matest.benchmark.tables import by_case, case_name, figure, notes, ruled
-from matest.workers import processors
+from matest.workers import processes
 
 MODELS = ("lambert", "oren-nayar", "oren-nayar-exact", "cook-torrance", "li-torrance")
 CAPTURES, CAPTURES_QUICK = 2000, 4
@@ -52,8 +50,7 @@ def figures(
         progress: called after each.
         seconds: after which no more are begun; every model has the same share.
     """
-    # A forked child would inherit torch's threads without their being alive.
-    with ProcessPoolExecutor(min(processors(), captures), multiprocessing.get_context("spawn")) as pool:
+    with processes(captures) as pool:
         for expression in MODELS:
             one = partial(trial, expression, conditions=conditions, grid=conditions == CLEAN)
             found: list[Trial] = []

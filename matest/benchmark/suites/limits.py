@@ -5,7 +5,6 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -20,7 +19,7 @@ from matest.benchmark.instruments.photographs import take
 from matest.benchmark.instruments.timing import TILE
 from matest.benchmark.record import Progress, Record
 from matest.benchmark.tables import by_case, figure, notes, ruled
-from matest.workers import processors
+from matest.workers import in_threads, processors
 
 # Numbers in an array that no cache holds: 128 MB.
 LARGE = 2**25
@@ -66,9 +65,8 @@ def machine() -> Limits:
 def decode(files: Sequence[Path]) -> float:
     """Seconds that OpenCV needs to decode images, one thread per processor."""
     start = time.perf_counter()
-    with ThreadPoolExecutor(processors()) as pool:
-        for image in pool.map(lambda file: cv2.imread(str(file), cv2.IMREAD_UNCHANGED), files):
-            del image
+    for image in in_threads(lambda file: cv2.imread(str(file), cv2.IMREAD_UNCHANGED), files):
+        del image
     return time.perf_counter() - start
 
 

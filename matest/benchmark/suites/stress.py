@@ -15,6 +15,7 @@ from matest.benchmark.instruments.adversarial import direction_pairs, parameter_
 from matest.benchmark.instruments.passes import heavy
 from matest.benchmark.record import Progress, Record
 from matest.brdf import MODELS, Brdf, model, variants
+from matest.progress import silent
 
 POINTS, POINTS_QUICK = 10_000_000, 8_192
 # Points at a time: as many as stay near the cache; of a sum over thousands of facets, as few as keep their derivatives
@@ -48,7 +49,7 @@ def _all(points: int, seconds: float, progress: Progress) -> Iterator[Record]:
         yield from examine(brdf, points // share, progress, seconds / len(expressions))
 
 
-def examine(brdf: Brdf, points: int, progress: Progress = lambda *_: None, seconds: float = math.inf) -> list[Record]:
+def examine(brdf: Brdf, points: int, progress: Progress = silent, seconds: float = math.inf) -> list[Record]:
     """Count what is not finite at `points` adversarial points, and measure the worst error of float32.
 
     In both precisions: values and first derivatives at every point, second derivatives (reverse over reverse) and

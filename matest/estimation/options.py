@@ -1,0 +1,67 @@
+"""What the user asks of an estimate or a check: the same words mean the same in every command and function."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from matest.errors import InputError
+
+Value = float | Sequence[float]
+# The name by which `estimate` is asked to choose the model itself.
+AUTO = "auto"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """What to estimate, and how. What does not hang on a capture is checked here.
+
+    Attributes:
+        model: an expression such as "oren-nayar+torrance-sparrow", or "auto"; None where nobody named one.
+        fix: values of parameters that are not estimated, by name or path.
+        free: parameters estimated although they are held by default.
+        tie: dependent parameter -> the one whose value it takes.
+        holdout: images to leave out of the fit.
+        precision: relative standard error of every parameter that is enough, 0 to 1; None: read every pixel.
+        seed: of the subsample that the search starts from.
+        device: where tiles are evaluated ("cpu", "cuda").
+        transfer: how pixels encode light: "linear", "srgb" or a gamma; None: as the capture says.
+
+    Raises:
+        InputError: a precision that is none.
+    """
+
+    model: str | None = None
+    fix: Mapping[str, Value] = field(default_factory=dict)
+    free: Sequence[str] = ()
+    tie: Mapping[str, str] = field(default_factory=dict)
+    holdout: Sequence[int] = ()
+    precision: float | None = None
+    seed: int = 0
+    device: str = "cpu"
+    transfer: str | float | None = None
+
+    def __post_init__(self) -> None:
+        if self.precision is not None and not 0 < self.precision < 1:
+            raise InputError(
+                f"precision is a relative standard error, such as 0.001, between 0 and 1; got {self.precision}."
+            )
+
+    @property
+    def automatic(self) -> bool:
+        """Whether the images are to choose the model."""
+        return self.model in (None, AUTO)
+
+    def fitted_images(self, count: int) -> tuple[int, ...]:
+        """The images, of `count`, that are not left out.
+
+        Raises:
+            InputError: an image that there is not, or none left.
+        """
+        for image in self.holdout:
+            if not 0 <= image < count:
+                raise InputError(f"holdout image {image}: the capture has images 0 to {count - 1}; correct --holdout.")
+        images = tuple(image for image in range(count) if image not in self.holdout)
+        if not images:
+            raise InputError("every image is held out: leave at least one for the fit.")
+        return images
