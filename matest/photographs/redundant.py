@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from torch import Tensor
 
-from matest.scene.lights import DirectionalLight, Light, PointLight
-
 if TYPE_CHECKING:
     from matest.capture.capture import Capture
 
@@ -33,7 +31,7 @@ def without_copies(capture: Capture) -> Capture:
             return capture
     scene, encoding = capture.scene, capture.encoding
     wavelength = None if scene.wavelength is None else scene.wavelength[:1]
-    lights = tuple(tuple(_first_channel(light) for light in lights) for lights in scene.lights)
+    lights = tuple(tuple(light.channel(0) for light in lights) for lights in scene.lights)
     black = encoding.black[:, :1] if isinstance(encoding.black, np.ndarray) else encoding.black
     flat = None if encoding.flat is None else encoding.flat[:, :1]
     return replace(
@@ -101,7 +99,7 @@ def _varied(pixels: np.ndarray) -> bool:
 
 def _lit(capture: Capture, image: int) -> bool:
     lights = capture.scene.lights[image]
-    return bool((capture.scene.ambient[image] > 0).any()) or any(bool((_power(light) > 0).any()) for light in lights)
+    return bool((capture.scene.ambient[image] > 0).any()) or any(bool((light.power > 0).any()) for light in lights)
 
 
 def _stated_alike(capture: Capture, image: int, other: int) -> bool:
@@ -109,13 +107,7 @@ def _stated_alike(capture: Capture, image: int, other: int) -> bool:
     scene = capture.scene
     if capture.exposures[image] != capture.exposures[other] or len(scene.lights[image]) != len(scene.lights[other]):
         return False
-    alike = all(
-        type(one) is type(two)
-        and _place(one).equal(_place(two))
-        and _power(one).equal(_power(two))
-        and one.solid_angle == two.solid_angle
-        for one, two in zip(scene.lights[image], scene.lights[other], strict=True)
-    )
+    alike = all(one.same_as(two) for one, two in zip(scene.lights[image], scene.lights[other], strict=True))
     return alike and bool(scene.ambient[image].equal(scene.ambient[other]))
 
 
@@ -132,22 +124,8 @@ def _colours(capture: Capture) -> list[Tensor]:
     """What the capture knows of every channel [..., C], beside its pixels."""
     scene = capture.scene
     wavelength = [] if scene.wavelength is None else [scene.wavelength]
-    return [scene.ambient, *wavelength, *(_power(light) for lights in scene.lights for light in lights)]
+    return [scene.ambient, *wavelength, *(light.power for lights in scene.lights for light in lights)]
 
 
 def _alike(values: Tensor) -> bool:
     return bool((values == values[..., :1]).all())
-
-
-def _power(light: Light) -> Tensor:
-    return light.irradiance if isinstance(light, DirectionalLight) else light.intensity
-
-
-def _place(light: Light) -> Tensor:
-    return light.direction if isinstance(light, DirectionalLight) else light.position
-
-
-def _first_channel(light: Light) -> Light:
-    if isinstance(light, PointLight):
-        return replace(light, intensity=light.intensity[:1])
-    return replace(light, irradiance=light.irradiance[:1])
