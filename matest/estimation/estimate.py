@@ -28,7 +28,6 @@ from matest.inference.parameter_estimates import (
     reported_labels,
     with_profiles,
 )
-from matest.photographs.redundant import idle, without_copies
 from matest.photographs.samples import Samples
 from matest.shading import render
 
@@ -71,21 +70,26 @@ def estimate(
     clock = time.perf_counter()
     if precision is not None and not 0 < precision < 1:
         raise InputError(f"precision is a relative standard error, such as 0.001, between 0 and 1; got {precision}.")
-    given, told = capture, fix or {}
-    capture, told = _one_channel(capture, told)
-    images = _fitted_images(capture, holdout)
-    passed = idle(capture, images)
-    if len(passed) == len(images):
+    images, values = _fitted_images(capture, holdout), fix or {}
+    # Values that differ between channels belong to channels that do.
+    differ = any(len({*value}) > 1 for value in values.values() if not isinstance(value, int | float))
+    samples = capture.photographs.samples(images, distinct=True, every_channel=differ, device=device)
+    if not samples.images:
         raise InputError(f"{capture.name}: the lights of every image are stated to give no light; correct irradiance.")
-    constraints = Constraints(told, tuple(free), tie or {})
-    samples = capture.samples([image for image in images if image not in passed], device=device)
+    if samples.redundancy.channels:
+        values = {name: _of_one_channel(value, capture.channels) for name, value in values.items()}
+    constraints = Constraints(values, tuple(free), tie or {})
     if not len(samples):
         raise InputError(_no_samples(capture, samples))
     candidates: list[Candidate] = []
     if model == "auto":
         model, candidates = select(samples, constraints, seed, progress)
     specification = specify(
-        model, constraints, channels=capture.channels, relative=capture.relative, scene=capture.scene
+        model,
+        constraints,
+        channels=samples.photographs.channels,
+        relative=capture.relative,
+        scene=samples.photographs.scene,
     )
     solution = fit(specification.problem, samples, seed, progress, precision=precision or 0.0)
     bars = error_bars(solution, samples)
@@ -121,7 +125,7 @@ def estimate(
     )
     left_out = None
     if holdout:
-        left_out = {"images": sorted(set(holdout)), "relative_rmse": relative_error(given, material, set(holdout))}
+        left_out = {"images": sorted(set(holdout)), "relative_rmse": relative_error(capture, material, set(holdout))}
     # Noise belongs to the fit: reading is decoding, geometry is normals, rays and directions.
     fit_s = time.perf_counter() - clock + capture.timing.get("noise", 0.0)
     return Estimate(
@@ -134,10 +138,10 @@ def estimate(
         fit=outcome,
         relative=capture.relative,
         candidates=candidates,
-        skipped=skipped(samples, solution, passed, len(set(holdout)), candidates),
+        skipped=skipped(samples, solution, len(set(holdout)), candidates),
         timing_s={**{stage: capture.timing.get(stage, 0.0) for stage in ("read", "geometry")}, "fit": fit_s},
         holdout=left_out,
-        warnings=warnings(samples, specification, solution, parameters, bars, passed, precision),
+        warnings=warnings(samples, specification, solution, parameters, bars, precision),
     )
 
 
@@ -213,18 +217,9 @@ def _widened(wider: Problem, solution: Solution) -> Tensor:
     return torch.cat([torch.atleast_1d(values[name]).expand(wider.count(name)) for name in wider.free])
 
 
-def _one_channel(capture: Capture, fix: Mapping[str, Value]) -> tuple[Capture, Mapping[str, Value]]:
-    """The capture without channels that are copies of each other, and the values that are fixed for it.
-
-    Values that differ between channels belong to channels that do.
-    """
-    if any(len({*value}) > 1 for value in fix.values() if not isinstance(value, int | float)):
-        return capture, fix
-    reduced = without_copies(capture)
-    if reduced is capture:
-        return capture, fix
-    several = {name: value for name, value in fix.items() if not isinstance(value, int | float)}
-    return reduced, {**fix, **{name: value[0] for name, value in several.items() if len(value) == capture.channels}}
+def _of_one_channel(value: Value, channels: int) -> Value:
+    """A fixed value for the one channel that stands for so many copies."""
+    return value if isinstance(value, int | float) or len(value) != channels else value[0]
 
 
 def _fitted_images(capture: Capture, holdout: Sequence[int]) -> tuple[int, ...]:

@@ -79,14 +79,18 @@ def select(
     Raises:
         InputError: no candidate has the constrained parameters.
     """
-    capture = samples.capture
+    photographs = samples.photographs
     parts = _parts(pilot(samples, _SAMPLES, seed))
     problems: dict[str, Problem] = {}
     for expression in CANDIDATES:
         # A candidate that the constraints do not fit is not tried.
         with contextlib.suppress(InputError):
             found = specify(
-                expression, constraints, channels=capture.channels, relative=capture.relative, scene=capture.scene
+                expression,
+                constraints,
+                channels=photographs.channels,
+                relative=photographs.relative,
+                scene=photographs.scene,
             )
             problems[expression] = found.problem
     if not problems:

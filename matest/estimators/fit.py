@@ -212,7 +212,7 @@ class AllTiles:
         for first in range(0, len(images), _GROUP):
             yield [tile for own in tiles[first : first + _GROUP] for tile in own]
             for k in images[first : first + _GROUP]:
-                self.samples.capture.release(self.samples.images[k])
+                self.samples.photographs.release(self.samples.images[k])
 
 
 def _joined(tiles: Sequence[Sequence[Callable[[], Batch]]]) -> Batch:

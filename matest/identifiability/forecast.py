@@ -11,7 +11,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from matest.capture import Capture
 from matest.estimation.estimate import worth_freeing
 from matest.estimation.specification import Specification, freed
 from matest.estimators import Problem, Solution, Statistics, accumulate
@@ -23,6 +22,7 @@ from matest.inference.parameter_estimates import parameter_estimates
 from matest.inference.profiles import surroundings
 from matest.inference.quantities import ParameterEstimate
 from matest.inference.unseen import bent
+from matest.photographs.photographs import Photographs
 from matest.photographs.samples import TILE, Samples
 from matest.samples import Batch
 
@@ -104,9 +104,9 @@ def unknowns_at(problem: Problem, values: Mapping[str, Tensor]) -> Tensor:
     return torch.cat([torch.atleast_1d(values[name]).double().expand(problem.count(name)) for name in problem.free])
 
 
-def usable(capture: Capture, problem: Problem, unknowns: Tensor) -> Samples:
+def usable(photographs: Photographs, problem: Problem, unknowns: Tensor) -> Samples:
     """The samples that photographs of the material at `unknowns` will give."""
-    return photographed(capture, problem.material(unknowns)).samples(dtype=torch.float64)
+    return photographed(photographs, problem.material(unknowns)).samples(dtype=torch.float64)
 
 
 def thinned(samples: Samples) -> tuple[list[list[Callable[[], Batch]]], dict[int, float]]:
@@ -138,7 +138,7 @@ def forecast(samples: Samples, problem: Problem, unknowns: Tensor) -> Forecast:
     statistics = accumulate(problem, unknowns, tiles, unknowns)
     each = torch.tensor([weights[position] for position in statistics.labels.tolist()], dtype=torch.float64)
     information = (each[:, None, None] * statistics.informations).sum(0)
-    return Forecast(problem, unknowns, information, len(samples) * samples.capture.channels)
+    return Forecast(problem, unknowns, information, len(samples) * samples.photographs.channels)
 
 
 def bent_near(found: Forecast, samples: Samples) -> tuple[str, ...]:

@@ -34,7 +34,7 @@ def pilot(samples: Samples, count: int, seed: int) -> list[Batch]:
         if len(index) > quota:
             index = _even(samples, image, index, quota, generator)
         batch = samples.at(image, index, cluster=position * BLOCKS)
-        samples.capture.release(image)
+        samples.photographs.release(image)
         return [batch]
 
     return list(walk([range(len(samples.images))], draw))
@@ -65,7 +65,7 @@ def _even(samples: Samples, image: int, index: np.ndarray, quota: int, generator
 
 def half_angles(samples: Samples, image: int, index: np.ndarray) -> np.ndarray:
     """Class of the smallest half angle among the lights that each pixel faces, uint8 [n]."""
-    scene, chosen = samples.capture.scene, torch.from_numpy(index)
+    scene, chosen = samples.photographs.scene, torch.from_numpy(index)
     surface, shadows = scene.surface, scene.shadows[image] if scene.shadows else None
     normals = surface.normals_as(torch.float32).detach().index_select(0, chosen)
     view = surface.toward_viewer(chosen).detach().float()

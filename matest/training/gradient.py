@@ -309,7 +309,7 @@ def _settings(
 def _digest(samples: Samples) -> str:
     """A fingerprint of samples: which pixels of which images, their lights, and the values of some of them."""
     digest = hashlib.sha256(repr((samples.images, samples.counts, samples.dtype)).encode())
-    scene = samples.capture.scene
+    scene = samples.photographs.scene
     some = next(samples.batches(4096, shuffle=True))
     lights = [value for image in samples.images for light in scene.lights[image] for value in vars(light).values()]
     for value in (some.radiance, *some.readout, scene.ambient, *lights):

@@ -17,7 +17,7 @@ from matest.estimators import AllTiles, Problem, accumulate, at_bound, bounded_s
 from matest.estimators.levenberg_marquardt import Evaluate, minimise
 from matest.estimators.moments import SCORES, Statistics
 from matest.estimators.search import search
-from matest.photographs.photometry import Noise
+from matest.photographs.noise import Noise
 from tests.problems import information, problem, quadratic
 from tests.simulated import Studio, coloured
 
