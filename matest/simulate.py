@@ -24,7 +24,8 @@ from matest.capture.capture import capture_file, references
 from matest.errors import InputError
 from matest.estimation.specification import optics, resolve
 from matest.photographs.images import read_image, read_mask, write_image
-from matest.photographs.photometry import Encoding, Noise
+from matest.photographs.noise import Noise
+from matest.photographs.photometry import Encoding
 from matest.progress import Progress, silent
 from matest.scene import Scene
 from matest.shading import render_image

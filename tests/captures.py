@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -126,6 +126,11 @@ def scene_of(surface: Surface, *lights: DirectionalLight | PointLight, ambient: 
     """One image under all the lights."""
     channels = len(lights[0].at(surface.positions)[1][0]) if lights else 1
     return Scene(surface, (lights,), torch.full((1, channels), ambient, dtype=torch.float64))
+
+
+def changed(capture: Capture, **attributes: Any) -> Capture:
+    """The capture with some attributes of its photographs changed."""
+    return replace(capture, photographs=replace(capture.photographs, **attributes))
 
 
 def refusal(call: Callable[[], object]) -> str:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
 
 from matest.brdf import Brdf
 from matest.capture import Capture
-from matest.photographs.photometry import Encoding, Noise
+from matest.photographs.noise import Noise
+from matest.photographs.photographs import Photographs
+from matest.photographs.photometry import Encoding
 from matest.scene import DirectionalLight, Scene
 from matest.shading import render
 from tests.captures import directional, sphere_surface
@@ -69,19 +70,17 @@ class Studio:
         if seed is not None:
             spread = np.sqrt(self.noise.read**2 + self.noise.gain * radiance)
             stored = radiance + spread * np.random.default_rng(seed).standard_normal(radiance.shape)
-        return Capture(
-            name="sphere",
+        photographs = Photographs(
             scene=self.scene,
             stored=tuple(stored.astype(np.float32)),
             encoding=Encoding(),
             exposures=(1.0,) * len(self.lights),
             noise=self.noise,
-            noise_given=True,
+            noise_stated=True,
             relative=self.relative,
-            timing={"read": 0.0, "geometry": 0.0, "noise": 0.0},
-            folder=Path("sphere"),
-            files=tuple(Path("sphere", f"{k:02d}.exr") for k in range(len(self.lights))),
+            names=tuple(f"{k:02d}.exr" for k in range(len(self.lights))),
         )
+        return Capture("sphere", photographs, timing={"read": 0.0, "geometry": 0.0, "noise": 0.0})
 
 
 def coloured(directions: Sequence[tuple[float, float, float]] = DIRECTIONS) -> tuple[tuple[DirectionalLight, ...], ...]:

@@ -22,10 +22,11 @@ from matest.identifiability import Check, Plan, check
 from matest.identifiability.forecast import forecast, unknowns_at, usable
 from matest.identifiability.next_light import hemisphere
 from matest.identifiability.reasons import Nearness, Reasons
-from matest.photographs.photometry import Encoding, Noise
+from matest.photographs.noise import Noise
+from matest.photographs.photometry import Encoding
 from matest.simulate import simulate
 from tests import scenes
-from tests.captures import directional, refusal
+from tests.captures import changed, directional, refusal
 from tests.simulated import CAMERA, DIRECTIONS, Studio
 
 RING = tuple(
@@ -176,7 +177,7 @@ def plate(tilt: float) -> Capture:
     surface = capture.scene.surface
     kept = (surface.normals[:, 2] > 0.98).numpy()
     scene = replace(capture.scene, surface=surface.take(kept))
-    return replace(capture, scene=scene, stored=tuple(pixels[kept] for pixels in capture.stored))
+    return changed(capture, scene=scene, stored=tuple(pixels[kept] for pixels in capture.photographs.stored))
 
 
 @pytest.mark.usefixtures("without_advice")
@@ -194,7 +195,7 @@ def test_a_highlight_that_no_sample_comes_near_is_named_with_its_distance() -> N
 def test_pixels_predicted_to_be_clipped_say_little() -> None:
     capture = studio([(0.3, 0.2, 0.93)]).photograph(Lambert(0.5), 1)
     values = {"slope": 0.05, "diffuse": 0.3}
-    clipped = check(replace(capture, encoding=Encoding(saturation=0.25)), "cook-torrance", at=values)
+    clipped = check(changed(capture, encoding=Encoding(saturation=0.25)), "cook-torrance", at=values)
     whole = check(capture, "cook-torrance", at=values)
     assert clipped.skipped["saturated"] > whole.skipped["saturated"] == 0
     assert clipped.parameters["slope"].std > 1.5 * whole.parameters["slope"].std
@@ -203,14 +204,14 @@ def test_pixels_predicted_to_be_clipped_say_little() -> None:
 def test_a_highlight_that_light_reaches_but_no_usable_sample_asks_for_a_shorter_exposure() -> None:
     problem = specify("cook-torrance", Options(), channels=1, relative=False).problem
     unknowns = unknowns_at(problem, {**problem.brdf.parameters, "slope": torch.tensor(0.05)})
-    unseen = forecast(usable(plate(70), problem, unknowns), problem, unknowns)
+    unseen = forecast(usable(plate(70).photographs, problem, unknowns), problem, unknowns)
     assert "shorter exposure" in Reasons(unseen, Nearness(usable=0.5, lit=0.01), False).of("slope")
     assert "no image samples" in Reasons(unseen, Nearness(usable=0.5, lit=0.5), False).of("slope")
 
 
 @pytest.mark.usefixtures("without_advice")
 def test_a_product_is_named_as_such_although_the_middle_of_the_highlight_is_clipped() -> None:
-    capture = replace(studio([(0, 0, 1)]).photograph(Lambert(0.5), 1), encoding=Encoding(saturation=0.25))
+    capture = changed(studio([(0, 0, 1)]).photograph(Lambert(0.5), 1), encoding=Encoding(saturation=0.25))
     found = check(capture, "cook-torrance", at={"slope": 0.1})
     assert found.skipped["saturated"] > 0
     assert found.parameters["f0"].reason == "f0 and specular appear only as a product here"
@@ -269,7 +270,7 @@ def test_a_scene_is_predicted_as_its_rendered_capture(tmp_path: Path) -> None:
     assert planned.model == "cook-torrance"
     assert planned.levels == {}
     rendered = matest.load_plan(simulate(file, tmp_path / "capture"))
-    assert rendered.capture.stored[0].any()
+    assert rendered.photographs.stored[0].any()
     taken = check(rendered, "cook-torrance", at={"diffuse": 0.4, "specular": 0.8, "slope": 0.2, "f0": 0.04})
     for name, parameter in planned.parameters.items():
         assert taken.parameters[name].status == parameter.status
@@ -283,7 +284,7 @@ def test_noise_that_nobody_states_is_a_typical_cameras(tmp_path: Path) -> None:
     found = check(matest.load_plan(file))
     assert "typical" in found.noise["source"]
     assert found.noise["read"] == pytest.approx(1e-3, rel=1e-3)
-    assert Plan.of(studio(DIRECTIONS).photograph(Lambert(0.5), 1)).capture.noise == CAMERA
+    assert Plan.of(studio(DIRECTIONS).photograph(Lambert(0.5), 1)).photographs.noise == CAMERA
 
 
 def test_a_capture_in_the_dark_is_helped_by_any_light() -> None:
@@ -309,7 +310,7 @@ def test_noise_must_be_possible() -> None:
     plan = Plan.of(studio(DIRECTIONS).photograph(Lambert(0.5), 1))
     assert "both zero" in refusal(lambda: plan.with_noise(0.0, 0.0))
     assert "not negative" in refusal(lambda: plan.with_noise(-0.1, 0.0))
-    assert plan.with_noise(0.01, 0.0).capture.noise == Noise(0.01, 0.0)
+    assert plan.with_noise(0.01, 0.0).photographs.noise == Noise(0.01, 0.0)
 
 
 def test_values_that_make_no_sense_are_refused() -> None:

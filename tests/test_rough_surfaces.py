@@ -10,8 +10,8 @@ import torch
 import matest
 from matest.brdf import Brdf, model
 from matest.capture import Capture
-from matest.photographs.photometry import Noise
-from tests.captures import directional
+from matest.photographs.noise import Noise
+from tests.captures import changed, directional
 from tests.simulated import DIRECTIONS, Studio
 
 STUDIO = Studio(size=48, lights=tuple((directional(towards, 3.0, 3.0, 3.0),) for towards in DIRECTIONS))
@@ -28,7 +28,7 @@ def lit_by(capture: Capture, solid_angle: float | None, wavelength: list[float] 
     lights = tuple(tuple(dataclasses.replace(light, solid_angle=solid_angle) for light in image)
                    for image in capture.scene.lights)  # fmt: skip
     known = None if wavelength is None else torch.tensor(wavelength, dtype=torch.float64)
-    return dataclasses.replace(capture, scene=dataclasses.replace(capture.scene, lights=lights, wavelength=known))
+    return changed(capture, scene=dataclasses.replace(capture.scene, lights=lights, wavelength=known))
 
 
 @pytest.fixture(scope="module")
@@ -126,7 +126,7 @@ def test_lights_of_different_size_need_a_word() -> None:
     capture = Studio(size=24).photograph(material("li-torrance", k_dd=0.5, k_uds=0.4), seed=1)
     (first,), *rest = capture.scene.lights
     lights = ((dataclasses.replace(first, solid_angle=0.01),), *rest)
-    mixed = dataclasses.replace(capture, scene=dataclasses.replace(capture.scene, lights=lights))
+    mixed = changed(capture, scene=dataclasses.replace(capture.scene, lights=lights))
     with pytest.raises(matest.InputError, match="one solid_angle for all lights"):
         matest.estimate(mixed, "li-torrance(coherent=on)")
     assert matest.estimate(mixed, "li-torrance(coherent=on)", fix={"solid_angle": 0.01}).fit.samples > 0

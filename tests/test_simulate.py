@@ -74,7 +74,7 @@ def test_rendering_again_replaces_an_earlier_rendering(tmp_path: Path) -> None:
 def test_integer_images_hold_radiance_over_scale(tmp_path: Path, bits: int, dtype: type) -> None:
     scene = sphere_scene(tmp_path, noise(bits, 0.0, 0.0))
     pixels = read_image(simulate(scene) / "00.png")
-    scale = load_capture(tmp_path).encoding.scale
+    scale = load_capture(tmp_path).photographs.encoding.scale
     assert pixels.dtype == dtype
     full = 2**bits - 1
     np.testing.assert_array_equal(pixels, np.round(clean(scene)[0] / scale * full))
@@ -86,7 +86,7 @@ def test_a_name_implies_integers_where_the_scene_states_no_bits(tmp_path: Path) 
     assert read_image(folder / "a.png").dtype == np.uint16
     capture = load_capture(folder)
     expected = clean(tmp_path)[0].reshape(-1, 1)[capture.scene.surface.pixels]
-    np.testing.assert_allclose(capture.radiance(0), expected, atol=capture.encoding.scale / 65535)
+    np.testing.assert_allclose(capture.radiance(0), expected, atol=capture.photographs.encoding.scale / 65535)
 
 
 def test_float_images_hold_radiance_itself(tmp_path: Path) -> None:
@@ -180,13 +180,13 @@ def test_scale_is_chosen_so_that_nothing_clips(tmp_path: Path, irradiance: float
     scene = sphere_scene(tmp_path, noise(bits, 0.0, 0.0), scenes.distant(([0.0, 0.0, 1.0],), irradiance))
     brightest = read_image(simulate(scene) / "00.png").max() / (2**bits - 1)
     assert 0.8 < brightest <= 0.9 + 1 / 2**bits
-    scale = load_capture(tmp_path).encoding.scale
+    scale = load_capture(tmp_path).photographs.encoding.scale
     assert len(f"{scale:.12g}".replace(".", "").strip("0")) <= 2
 
 
 def test_a_given_scale_is_kept(tmp_path: Path) -> None:
     simulate(sphere_scene(tmp_path, noise(16), "[encoding]\nscale = 2.5\n"))
-    assert load_capture(tmp_path).encoding.scale == 2.5
+    assert load_capture(tmp_path).photographs.encoding.scale == 2.5
 
 
 def test_a_dark_scene_can_be_rendered(tmp_path: Path) -> None:
@@ -197,9 +197,9 @@ def test_a_dark_scene_can_be_rendered(tmp_path: Path) -> None:
 def test_loading_gives_back_lights_noise_and_camera(tmp_path: Path) -> None:
     capture = load_capture(simulate(sphere_scene(tmp_path, noise(16), SIX_LIGHTS)))
     assert len(capture) == 6
-    assert capture.noise_given
-    assert capture.noise.gain == 0.0005
-    assert capture.noise.read == pytest.approx(0.002, rel=1e-3)
+    assert capture.photographs.noise_stated
+    assert capture.photographs.noise.gain == 0.0005
+    assert capture.photographs.noise.read == pytest.approx(0.002, rel=1e-3)
     assert not capture.relative
     for (light,), direction in zip(capture.scene.lights, scenes.LIGHTS, strict=True):
         np.testing.assert_allclose(light.direction, np.array(direction) / np.linalg.norm(direction))

@@ -127,7 +127,7 @@ def build_scene(tables: CaptureFile, folder: Folder, surface: Surface, channels:
     for number, table in enumerate(tables.image):
         label = f"{folder.source}: image {number}"
         built, given = build_lights(table, channels, label)
-        if surface.positions is None and any(isinstance(light, PointLight) for light in built):
+        if surface.positions is None and any(light.near for light in built):
             raise InputError(
                 f"{label}: a light with a position needs the surface's positions; give a mesh, or positions beside the "
                 "normal map."

@@ -1,14 +1,12 @@
-"""A capture: photographs of one object whose shape and lights are known."""
+"""A capture: image files and what is said of them, read into photographs of a scene."""
 
 from __future__ import annotations
 
 import hashlib
-import mmap
 import os
-import tempfile
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -17,59 +15,61 @@ import torch
 from matest.capture import schema
 from matest.capture.assembly import Folder, build_encoding, build_scene, build_surface
 from matest.errors import InputError
-from matest.photographs.images import full_scale, read_image
-from matest.photographs.photometry import FLOAT_FLOOR, Encoding, Noise, estimate_noise, quantisation, steps
+from matest.photographs.images import read_image
+from matest.photographs.noise import Noise, noise_of_photographs, stated_noise
+from matest.photographs.photographs import Photographs
 from matest.photographs.samples import PhotographSamples
+from matest.photographs.storage import Storage
 from matest.progress import Progress, silent
 from matest.scene import Scene
 from matest.workers import in_threads
 
-# Pixels beyond this many bytes go to a temporary file: memory does not grow with the number of images.
-_MEMORY_BUDGET = 96 << 20
-# Noise is estimated from at most this many images.
-_NOISE_IMAGES = 8
-
 
 @dataclass(frozen=True)
 class Capture:
-    """Photographs with their geometry and light, read once; only the object's pixels are kept, as stored.
+    """Photographs, and the files that they were read from, once.
 
     Attributes:
         name: name of its folder.
-        scene: surface, lights, shadows.
-        stored: per image the object's pixels [N, C] as in the file.
-        encoding: from pixels to radiance.
-        exposures: per image.
-        noise: camera noise, given or estimated from the images.
-        noise_given: whether the capture states its noise.
-        relative: True when the common scale of the lights is unknown.
+        photographs: of the object, with its geometry and light.
         files: the image files.
         folder: where it lies.
         others: capture.toml and the other files it refers to.
         timing: seconds spent reading images, building geometry and estimating noise.
-        copies: channels that have been left out as copies of the one that is there (`without_copies`).
     """
 
     name: str
-    scene: Scene
-    stored: tuple[np.ndarray, ...]
-    encoding: Encoding
-    exposures: tuple[float, ...]
-    noise: Noise
-    noise_given: bool
-    relative: bool
-    files: tuple[Path, ...]
+    photographs: Photographs
+    files: tuple[Path, ...] = ()
     folder: Path = Path()
     others: tuple[Path, ...] = ()
     timing: dict[str, float] = field(default_factory=dict)
-    copies: int = 0
 
     def __len__(self) -> int:
-        return len(self.stored)
+        return len(self.photographs)
+
+    @property
+    def scene(self) -> Scene:
+        """Surface, lights, shadows."""
+        return self.photographs.scene
 
     @property
     def channels(self) -> int:
-        return self.stored[0].shape[1]
+        return self.photographs.channels
+
+    @property
+    def relative(self) -> bool:
+        """True when the common scale of the lights is unknown."""
+        return self.photographs.relative
+
+    @property
+    def names(self) -> list[str]:
+        """The image files as the capture refers to them."""
+        return list(self.photographs.names)
+
+    def radiance(self, image: int, index: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """Measured radiance [n, C] of object pixels, float32."""
+        return self.photographs.radiance(image, index)
 
     def samples(
         self,
@@ -79,22 +79,7 @@ class Capture:
         device: torch.device | str = "cpu",
     ) -> PhotographSamples:
         """Geometry and photometry of every lit pixel, tile by tile (of some images only, if given)."""
-        return PhotographSamples(self, tuple(range(len(self))) if images is None else tuple(images), dtype, device)
-
-    def radiance(self, image: int, index: np.ndarray | slice = slice(None)) -> np.ndarray:
-        """Measured radiance [n, C] of object pixels, float32."""
-        stored = self.stored[image]
-        chosen = stored[index] if isinstance(index, slice) else np.take(stored, index, axis=0)
-        return self.encoding.signal(chosen, index, self.encoding.scale / self.exposures[image])
-
-    def release(self, image: int) -> None:
-        """Give back the memory of an image's pixels where they lie in a temporary file too."""
-        _give_back(self.stored[image])
-
-    @property
-    def names(self) -> list[str]:
-        """The image files as the capture refers to them."""
-        return [os.path.relpath(file, self.folder) for file in self.files]
+        return self.photographs.samples(images, dtype=dtype, device=device)
 
     def digests(self) -> dict[str, str]:
         """SHA-256 of every file of the capture, by its path in it."""
@@ -152,23 +137,30 @@ def load_capture(
     stored = _decode(paths, first, surface.pixels, progress)
     read_s += time.perf_counter() - clock
     _check_noise(tables.noise, str(file))
-    capture = Capture(
-        name=file.parent.absolute().name,
+    clock = time.perf_counter()
+    if tables.noise is None:
+        noise = noise_of_photographs(stored, encoding, surface)
+    else:
+        noise = stated_noise(Noise(tables.noise.read, tables.noise.gain), encoding, stored[0])
+    noise_s = time.perf_counter() - clock
+    photographs = Photographs(
         scene=scene,
         stored=stored,
         encoding=encoding,
         exposures=tuple(table.exposure for table in tables.image),
-        noise=Noise(0.0, 0.0),
-        noise_given=tables.noise is not None,
+        noise=noise,
+        noise_stated=tables.noise is not None,
         relative=tables.encoding.radiometry == "relative" or not powers_known,
-        folder=folder.path,
-        files=tuple(paths),
-        others=(file, *(folder.file(name, key) for key, name in references(tables))),
-        timing={"read": read_s, "geometry": geometry_s},
+        names=tuple(os.path.relpath(path, folder.path) for path in paths),
     )
-    clock = time.perf_counter()
-    noise = _noise(capture, tables.noise)
-    return replace(capture, noise=noise, timing={**capture.timing, "noise": time.perf_counter() - clock})
+    return Capture(
+        name=file.parent.absolute().name,
+        photographs=photographs,
+        files=tuple(paths),
+        folder=folder.path,
+        others=(file, *(folder.file(name, key) for key, name in references(tables))),
+        timing={"read": read_s, "geometry": geometry_s, "noise": noise_s},
+    )
 
 
 def capture_file(path: str | Path, name: str) -> Path:
@@ -191,7 +183,7 @@ def capture_file(path: str | Path, name: str) -> Path:
 
 def _decode(paths: list[Path], first: np.ndarray, pixels: np.ndarray, progress: Progress) -> tuple[np.ndarray, ...]:
     """The object's pixels of every image; at no time are more than a few whole images in memory."""
-    spill = _Spill()
+    storage = Storage()
 
     def load(path: Path) -> np.ndarray:
         image = read_image(path)
@@ -205,38 +197,13 @@ def _decode(paths: list[Path], first: np.ndarray, pixels: np.ndarray, progress: 
                 f"{path}: expected {first.shape[2]} channel(s) of {first.dtype} like {paths[0].name}; got "
                 f"{image.shape[2]} of {image.dtype}. Convert the images to one kind."
             )
-        return spill.keep(image.reshape(-1, image.shape[2])[pixels])
+        return storage.keep(image.reshape(-1, image.shape[2])[pixels])
 
-    stored = [spill.keep(first.reshape(-1, first.shape[2])[pixels])]
+    stored = [storage.keep(first.reshape(-1, first.shape[2])[pixels])]
     for count, kept in enumerate(in_threads(load, paths[1:]), start=2):
         stored.append(kept)
         progress("reading images", count, len(paths))
     return tuple(stored)
-
-
-class _Spill:
-    """Keeps arrays in memory up to the budget, and beyond it in temporary files that vanish with them."""
-
-    def __init__(self) -> None:
-        self._bytes = 0
-
-    def keep(self, array: np.ndarray) -> np.ndarray:
-        self._bytes += array.nbytes
-        if self._bytes <= _MEMORY_BUDGET:
-            return array
-        with tempfile.TemporaryFile() as file:
-            spilled = np.memmap(file, dtype=array.dtype, shape=array.shape, mode="w+")
-        spilled[:] = array
-        spilled.flush()
-        _give_back(spilled)
-        return spilled
-
-
-def _give_back(array: np.ndarray) -> None:
-    """Drop the pages of a mapped file from memory; they are read again when they are needed."""
-    mapped = getattr(array, "_mmap", None)
-    if mapped is not None and hasattr(mmap, "MADV_DONTNEED"):
-        mapped.madvise(mmap.MADV_DONTNEED)
 
 
 def references(tables: schema.CaptureFile) -> list[tuple[str, str]]:
@@ -260,32 +227,3 @@ def _check_noise(table: schema.NoiseTable | None, label: str) -> None:
             raise InputError(
                 f"{label}: noise.{key} must be finite and not negative; got {value}. Correct or remove it."
             )
-
-
-def _noise(capture: Capture, table: schema.NoiseTable | None) -> Noise:
-    stored = capture.stored[0]
-    floor = quantisation(capture.encoding, stored.dtype)
-    if table is not None:
-        # Stated noise leaves rounding to the image format.
-        read = float(np.hypot(table.read, floor))
-        # Noise stated to be none leaves rounding and geometry.
-        peak = float(capture.encoding.signal(stored, slice(None)).max())
-        return Noise(read or FLOAT_FLOOR * max(peak, 1e-30), table.gain)
-    surface = capture.scene.surface
-    chosen = np.linspace(0, len(capture) - 1, min(len(capture), _NOISE_IMAGES)).round().astype(int)
-    signals, valid = [], []
-    for image in chosen:
-        pixels = capture.stored[image]
-        clipped = capture.encoding.saturated(pixels) | (pixels <= 0)
-        signals.append(surface.image(capture.encoding.signal(pixels, slice(None)).astype(np.float32)))
-        valid.append(surface.image(~clipped & ~surface.rim[:, None]))
-    black = float(np.mean(capture.encoding.black))
-
-    def step(signal: np.ndarray) -> np.ndarray:
-        if stored.dtype.kind != "u":
-            return np.zeros_like(signal)
-        top = int(full_scale(stored.dtype))
-        codes = (capture.encoding.encoded(signal + black) * top).round().clip(0, top).astype(int)
-        return steps(capture.encoding.transfer, top)[codes]
-
-    return estimate_noise(signals, valid, floor, step)

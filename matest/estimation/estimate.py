@@ -29,7 +29,6 @@ from matest.inference.parameter_estimates import (
     reported_labels,
     with_profiles,
 )
-from matest.photographs.redundant import idle, without_copies
 from matest.photographs.samples import PhotographSamples
 from matest.progress import Progress, silent
 from matest.shading import render
@@ -83,22 +82,21 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         InputError: see `estimate`.
     """
     clock = time.perf_counter()
-    given = capture
-    capture, fix = _one_channel(capture, options.fix)
-    options = replace(options, fix=fix)
     images = options.fitted_images(len(capture))
-    passed = idle(capture, images)
-    if len(passed) == len(images):
+    # Values that differ between channels belong to channels that do.
+    differ = any(len({*value}) > 1 for value in options.fix.values() if not isinstance(value, int | float))
+    samples = capture.photographs.samples(images, distinct=True, every_channel=differ, device=options.device)
+    if not samples.images:
         raise InputError(f"{capture.name}: the lights of every image are stated to give no light; correct irradiance.")
-    samples = capture.samples([image for image in images if image not in passed], device=options.device)
+    if samples.redundancy.channels:
+        fix = {name: _of_one_channel(value, capture.channels) for name, value in options.fix.items()}
+        options = replace(options, fix=fix)
     if not len(samples):
         raise InputError(_no_samples(capture, samples))
     expression, candidates = options.model, list[Candidate]()
     if expression is None or options.automatic:
         expression, candidates = select(samples, options, progress)
-    specification = specify(
-        expression, options, channels=capture.channels, relative=capture.relative, scene=capture.scene
-    )
+    specification = specify(expression, options, channels=samples.channels, relative=samples.relative, scene=samples)
     precision = options.precision or 0.0
     solution = fit(specification.problem, samples, options.seed, progress, precision=precision)
     bars = error_bars(solution, samples)
@@ -134,7 +132,7 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
     )
     left_out, holdout = None, sorted({*options.holdout})
     if holdout:
-        left_out = {"images": holdout, "relative_rmse": relative_error(given, material, holdout)}
+        left_out = {"images": holdout, "relative_rmse": relative_error(capture, material, holdout)}
     # Noise belongs to the fit: reading is decoding, geometry is normals, rays and directions.
     fit_s = time.perf_counter() - clock + capture.timing.get("noise", 0.0)
     return Estimate(
@@ -147,10 +145,10 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         fit=outcome,
         relative=capture.relative,
         candidates=candidates,
-        skipped=skipped(samples, solution, passed, len(holdout), candidates),
+        skipped=skipped(samples, solution, len(holdout), candidates),
         timing_s={**{stage: capture.timing.get(stage, 0.0) for stage in ("read", "geometry")}, "fit": fit_s},
         holdout=left_out,
-        warnings=warnings(samples, specification, solution, parameters, bars, passed, options.precision),
+        warnings=warnings(samples, specification, solution, parameters, bars, options.precision),
     )
 
 
@@ -226,18 +224,9 @@ def _widened(wider: Problem, solution: Solution) -> Tensor:
     return torch.cat([torch.atleast_1d(values[name]).expand(wider.count(name)) for name in wider.free])
 
 
-def _one_channel(capture: Capture, fix: Mapping[str, Value]) -> tuple[Capture, Mapping[str, Value]]:
-    """The capture without channels that are copies of each other, and the values that are fixed for it.
-
-    Values that differ between channels belong to channels that do.
-    """
-    if any(len({*value}) > 1 for value in fix.values() if not isinstance(value, int | float)):
-        return capture, fix
-    reduced = without_copies(capture)
-    if reduced is capture:
-        return capture, fix
-    several = {name: value for name, value in fix.items() if not isinstance(value, int | float)}
-    return reduced, {**fix, **{name: value[0] for name, value in several.items() if len(value) == capture.channels}}
+def _of_one_channel(value: Value, channels: int) -> Value:
+    """A fixed value for the one channel that stands for so many copies."""
+    return value if isinstance(value, int | float) or len(value) != channels else value[0]
 
 
 def _no_samples(capture: Capture, samples: PhotographSamples) -> str:

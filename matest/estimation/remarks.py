@@ -16,7 +16,6 @@ from matest.inference.error_bars import ErrorBars
 from matest.inference.parameter_estimates import known_by_ratio, seen_together
 from matest.inference.quantities import ParameterEstimate
 from matest.inference.unseen import unseen_amplitudes
-from matest.photographs.redundant import copied
 from matest.photographs.samples import PhotographSamples
 
 # Worth a word of warning: less than this share of the mask is geometry, a fit worse than this (not by noise alone, of
@@ -48,26 +47,20 @@ def unread_samples(samples: PhotographSamples, solution: Solution) -> int:
     return max(len(samples) - int(solution.statistics.total("samples")), 0)
 
 
-def skipped(
-    samples: PhotographSamples,
-    solution: Solution,
-    idle: Mapping[int, str],
-    held_out: int,
-    candidates: Sequence[Candidate],
-) -> dict:
+def skipped(samples: PhotographSamples, solution: Solution, held_out: int, candidates: Sequence[Candidate]) -> dict:
     """What was not computed, and why; counts of pixels are over all images.
 
     Args:
         samples: those of the images that were worked on.
         solution: what they gave.
-        idle: images that add nothing to the others, and why.
         held_out: number of images left out of the fit.
         candidates: models that were tried before one was chosen; their lobes that it lacks are not supported.
     """
-    work, problem, capture = [], solution.problem, samples.capture
-    work += [f"image {image} ({capture.names[image]}): {reason}" for image, reason in idle.items()]
-    if capture.copies:
-        work.append(f"{capture.copies} channels: they are copies of the first in every image")
+    work, problem, redundancy = [], solution.problem, samples.redundancy
+    names = samples.photographs.names
+    work += [f"image {image} ({names[image]}): {reason}" for image, reason in redundancy.images.items()]
+    if redundancy.channels:
+        work.append(f"{redundancy.channels} channels: they are copies of the first in every image")
     statistics = solution.statistics
     unread = unread_samples(samples, solution)
     merged = max(int(statistics.total("samples") - statistics.total("evaluated")), 0)
@@ -78,7 +71,7 @@ def skipped(
         )
     if unread:
         work.append(f"reading {unread:,} samples: the others give the precision asked for")
-    scene = capture.scene
+    scene = samples.photographs.scene
     if scene.surface.mesh is not None and scene.surface.mesh.convex:
         work.append("shadow rays: the mesh is convex and cannot shadow itself")
     elif scene.surface.convex:
@@ -95,7 +88,12 @@ def skipped(
         if name.endswith("diffuse") and isinstance(problem.brdf, Sum) and float(problem.held[name]) == 0:
             work.append(f"{name}: another component is the diffuse one")
     every = scene.surface.shape[0] * scene.surface.shape[1]
-    counts = {"redundant": merged, "unread": unread, "idle": len(idle) * every, "held_out": held_out * every}
+    counts = {
+        "redundant": merged,
+        "unread": unread,
+        "idle": len(redundancy.images) * every,
+        "held_out": held_out * every,
+    }
     tried = {part: None for candidate in candidates for part in candidate.model.split("+")}
     lobes = [part for part in tried if not MODELS[part].body]
     taken = {*solution.problem.brdf.expression.split("+")}
@@ -132,7 +130,6 @@ def warnings(
     solution: Solution,
     parameters: Mapping[str, ParameterEstimate],
     bars: ErrorBars,
-    idle: Mapping[int, str],
     precision: float | None,
 ) -> list[str]:
     """What a user should know of an estimate, in sentences.
@@ -141,13 +138,13 @@ def warnings(
         samples: that it was made from.
         specification: what was asked for.
         solution, parameters, bars: what came out.
-        idle: images that add nothing to the others, and why.
         precision: that was asked for.
     """
     out = []
-    capture = samples.capture
+    photographs, redundancy = samples.photographs, samples.redundancy
+    names = photographs.names
     relative_rmse = solution.statistics.relative_rmse
-    if capture.relative:
+    if photographs.relative:
         out.append(
             "The common scale of the lights is unknown (relative radiometry): albedo is reported up to that scale."
         )
@@ -173,27 +170,27 @@ def warnings(
         unit = solution.problem.declared(name).unit
         where = "the lights" if name.endswith("solid_angle") else "[camera]"
         out.append(f"{name} is taken as {value:g} {unit}: {where} of the capture should say it.")
-    surface = capture.scene.surface
+    surface = photographs.scene.surface
     if surface.coverage < _COVERED:
         out.append(
             f"The geometry covers only {surface.coverage:.0%} of the mask: check the camera and the mesh's units."
         )
-    if capture.copies:
+    if redundancy.channels:
         out.append("The channels of every image are copies of each other: one is worked on, and reported.")
-    out += [f"Image {image} ({capture.names[image]}) is left out: {reason}." for image, reason in idle.items()]
+    out += [f"Image {image} ({names[image]}) is left out: {reason}." for image, reason in redundancy.images.items()]
     out += [
-        f"Images {twin} ({capture.names[twin]}) and {image} ({capture.names[image]}) are the same pixels, stated to be "
+        f"Images {twin} ({names[twin]}) and {image} ({names[image]}) are the same pixels, stated to be "
         "under different lights or exposures: one of the files is not what it should be."
-        for image, twin in copied(capture, samples.images).items()
+        for image, twin in redundancy.contradictions.items()
     ]
     odd = None if bars.holds or bars.chi2 < _MISFIT else _odd_image(solution, samples)
     if odd is not None:
         image = samples.images[odd[0]]
         out.append(
-            f"Without image {image} ({capture.names[image]}) χ² per value would fall from {bars.chi2:.3g} to "
+            f"Without image {image} ({names[image]}) χ² per value would fall from {bars.chi2:.3g} to "
             f"{odd[1]:.2g}: check its light, its exposure and whether it shows the same object."
         )
-    empty = [capture.names[k] for k, count in zip(samples.images, samples.counts, strict=True) if not count]
+    empty = [names[k] for k, count in zip(samples.images, samples.counts, strict=True) if not count]
     if empty:
         out.append(f"{', '.join(empty)} gives no usable pixel: is its light behind the object, or the image clipped?")
     if solution.statistics.outliers > _MANY_OUTLIERS:
@@ -221,8 +218,8 @@ def warnings(
         out.append(f"No lobe of {' and '.join(sorted(absent))} is seen: intervals are of one as wide as fits best.")
     if not bars.holds and bars.kind == "fisher":
         out.append("There are too few pixels for error bars that allow for the misfit of the model.")
-    if not capture.noise_given:
-        noise = capture.noise
+    if not photographs.noise_stated:
+        noise = photographs.noise
         out.append(f"Noise was estimated from the images: read {noise.read:.2g}, gain {noise.gain:.2g} of full scale.")
     return out + _imprecise(parameters, precision)
 

@@ -166,11 +166,15 @@ def check_with(plan: Plan, options: Options, at: Mapping[str, Value], progress: 
     Raises:
         InputError: see `check`.
     """
-    capture, model = plan.capture, options.model
+    photographs, model = plan.photographs, options.model
     own = plan.material if plan.material is not None and model in (None, plan.material.expression) else None
     expression = own.expression if own is not None else model or DEFAULT_MODEL
     specification = specify(
-        expression, options, channels=capture.channels, relative=capture.relative, scene=capture.scene
+        expression,
+        options,
+        channels=photographs.channels,
+        relative=photographs.relative,
+        scene=photographs.scene,
     )
     if not specification.problem.free:
         raise InputError(f"every parameter of {expression} is fixed or tied: there is no error to predict; free one.")
@@ -180,9 +184,9 @@ def check_with(plan: Plan, options: Options, at: Mapping[str, Value], progress: 
     specification, values = _nominal(specification, given)
 
     progress("predicting photographs")
-    capture = capture if plan.exposed else exposed(capture, specification.problem.brdf.replace(values))
+    photographs = photographs if plan.exposed else exposed(photographs, specification.problem.brdf.replace(values))
     problem = specification.problem
-    samples = usable(capture, problem, unknowns_at(problem, values))
+    samples = usable(photographs, problem, unknowns_at(problem, values))
     found, wider = as_estimated(samples, specification, values)
     nearness = _nearness(samples)
     levels = _levels(specification, values, given)
@@ -190,27 +194,27 @@ def check_with(plan: Plan, options: Options, at: Mapping[str, Value], progress: 
     for changed in levels:
         progress("trying other roughnesses")
         there = unknowns_at(found.problem, changed)
-        spread.append(forecast(usable(capture, found.problem, there), found.problem, there))
-    advised, light = next_light(capture, found, progress), None
+        spread.append(forecast(usable(photographs, found.problem, there), found.problem, there))
+    advised, light = next_light(photographs, found, progress), None
     if advised is not None:
         after = advised.after
         if wider.problem.free != found.problem.free:
-            after, _ = as_estimated(samples, specification, values, partial(with_light, capture, light=advised))
+            after, _ = as_estimated(samples, specification, values, partial(with_light, photographs, light=advised))
         light = _advice(found, advised, after)
         if not light.resolves and light.worst[1] >= light.worst[0]:
             light = None
-    relative = capture.relative
+    relative = photographs.relative
     return Check(
-        capture=capture.name,
+        capture=plan.name,
         model=problem.brdf.replace(values).expression,
         parameters=_predictions(
             spread, Reasons(found, nearness, relative, bent_near(found, samples)), Reasons(wider, nearness, relative)
         ),
         light=light,
-        images=len(capture),
+        images=len(photographs),
         samples=len(samples),
         skipped=samples.skipped,
-        noise={"read": capture.noise.read, "gain": capture.noise.gain, "source": plan.noise},
+        noise={"read": photographs.noise.read, "gain": photographs.noise.gain, "source": plan.noise_source},
         highlight=nearness.usable if math.isfinite(nearness.usable) else None,
         levels=_tried(found, levels, values),
         warnings=_warnings(plan, samples, own is not None, model is None),
@@ -271,7 +275,7 @@ def _tried(found: Forecast, levels: Sequence[Mapping[str, Tensor]], values: Mapp
 
 def _nearness(samples: PhotographSamples) -> Nearness:
     """How near the samples come to the centre of a highlight."""
-    scene, rim = samples.capture.scene, samples.capture.scene.surface.rim
+    scene, rim = samples.photographs.scene, samples.photographs.scene.surface.rim
     smallest = [math.inf, math.inf]
     for position, image in enumerate(samples.images):
         index = samples.indices(position)
@@ -378,8 +382,7 @@ def _warnings(plan: Plan, samples: PhotographSamples, own: bool, unnamed: bool) 
     out = []
     if unnamed and not own:
         out.append(f"No model was named: {DEFAULT_MODEL} is the largest that estimate tries; --model checks another.")
-    capture = plan.capture
-    if capture.relative:
+    if plan.photographs.relative:
         out.append("The strength of the lights is unknown (relative radiometry): albedos are known up to one scale.")
     if plan.material is not None and not own:
         out.append(f"The scene's material ({plan.material.expression}) is another model: its values are not used.")
@@ -389,6 +392,6 @@ def _warnings(plan: Plan, samples: PhotographSamples, own: bool, unnamed: bool) 
     clipped = samples.skipped["saturated"]
     if clipped:
         out.append(f"{clipped:,} pixels are predicted to be saturated: they tell little.")
-    if capture.scene.surface.mesh is None:
+    if plan.photographs.scene.surface.mesh is None:
         out.append("No mesh: cast shadows are unknown and left out of account.")
     return out

@@ -11,7 +11,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from matest.capture import Capture
 from matest.estimation.estimate import worth_freeing
 from matest.estimation.specification import Specification, freed
 from matest.estimators import Problem, Solution, accumulate
@@ -24,6 +23,7 @@ from matest.inference.parameter_estimates import parameter_estimates
 from matest.inference.profiles import surroundings
 from matest.inference.quantities import ParameterEstimate
 from matest.inference.unseen import bent
+from matest.photographs.photographs import Photographs
 from matest.photographs.samples import PhotographSamples
 from matest.samples import Tile
 
@@ -107,9 +107,9 @@ def unknowns_at(problem: Problem, values: Mapping[str, Tensor]) -> Tensor:
     return torch.cat([torch.atleast_1d(values[name]).double().expand(problem.count(name)) for name in problem.free])
 
 
-def usable(capture: Capture, problem: Problem, unknowns: Tensor) -> PhotographSamples:
+def usable(photographs: Photographs, problem: Problem, unknowns: Tensor) -> PhotographSamples:
     """The samples that photographs of the material at `unknowns` will give."""
-    return photographed(capture, problem.material(unknowns)).samples(dtype=torch.float64)
+    return photographed(photographs, problem.material(unknowns)).samples(dtype=torch.float64)
 
 
 def thinned(samples: PhotographSamples) -> tuple[list[list[Callable[[], Tile]]], dict[int, float]]:
@@ -146,7 +146,7 @@ def forecast(samples: PhotographSamples, problem: Problem, unknowns: Tensor) -> 
     positions = samples.groups.image[statistics.labels]
     each = torch.tensor([weights[position] for position in positions.tolist()], dtype=torch.float64)
     information = (each[:, None, None] * statistics.informations).sum(0)
-    return Forecast(problem, unknowns, information, len(samples) * samples.capture.channels)
+    return Forecast(problem, unknowns, information, len(samples) * samples.photographs.channels)
 
 
 def bent_near(found: Forecast, samples: PhotographSamples) -> tuple[str, ...]:

@@ -9,10 +9,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from matest.capture import Capture
 from matest.identifiability.forecast import Forecast, forecast, usable
+from matest.photographs.photographs import Photographs
 from matest.progress import Progress, silent
-from matest.scene import DirectionalLight, Scene
+from matest.scene import DirectionalLight, Scene, Surface
 
 # Directions tried, evenly over all within so many degrees of the camera's, and how many are worked out on all pixels.
 _TRIED, _FARTHEST, _WORKED_OUT = 80, 80.0, 4
@@ -28,7 +28,7 @@ class NextLight:
         direction: unit vector to the light, world frame.
         from_camera: angle between it and the direction to the camera, radians.
         azimuth: angle about the direction to the camera, radians, from the image's right toward its top.
-        irradiance: on a surface facing the light: the mean of the capture's lights, [C].
+        irradiance: on a surface facing the light: the mean of the lights, [C].
         after: the forecast with this photograph added.
     """
 
@@ -39,21 +39,21 @@ class NextLight:
     after: Forecast
 
 
-def next_light(capture: Capture, before: Forecast, progress: Progress = silent) -> NextLight | None:
+def next_light(photographs: Photographs, before: Forecast, progress: Progress = silent) -> NextLight | None:
     """The distant light that lowers the largest relative error bar most; None if no light lowers any.
 
-    Noise is that of the capture, exposure and irradiance are the means of its photographs. Shadows are traced. Two
+    Noise is that of the photographs, exposure and irradiance are their means. Shadows are traced. Two
     directions compare first by the number of parameters left undetermined.
 
     Args:
-        capture: geometry, lights and camera; its pixels do not count.
-        before: the forecast for its own photographs.
+        photographs: geometry, lights and camera; their pixels do not count.
+        before: the forecast for them.
         progress: called with a word, the number of directions tried and their total.
     """
-    axis = capture.scene.surface.view.mean(0)
+    axis = photographs.scene.surface.view.mean(0)
     axis = axis / axis.norm()
-    power = mean_irradiance(capture.scene)
-    thinned, share = _thinned(capture)
+    power = mean_irradiance(photographs.scene)
+    thinned, share = _thinned(photographs)
     directions = hemisphere(axis, _TRIED, _FARTHEST)
     scored = []
     for count, direction in enumerate(directions, start=1):
@@ -64,18 +64,19 @@ def next_light(capture: Capture, before: Forecast, progress: Progress = silent) 
     scored.sort(key=lambda pair: pair[0])
     best: NextLight | None = None
     for _, direction in scored[:_WORKED_OUT]:
-        after = before + _one_more(capture, DirectionalLight(direction, power), before)
+        after = before + _one_more(photographs, DirectionalLight(direction, power), before)
         if after.worst < (before.worst if best is None else best.after.worst):
             angle = math.acos(float((direction @ axis).clamp(-1, 1)))
             x, y, z = direction.tolist()
-            best = NextLight((x, y, z), angle, _azimuth(capture, direction, axis), power.tolist(), after)
+            azimuth = _azimuth(photographs.scene.surface, direction, axis)
+            best = NextLight((x, y, z), angle, azimuth, power.tolist(), after)
     return best
 
 
-def with_light(capture: Capture, before: Forecast, light: NextLight) -> Forecast:
-    """A forecast for the capture's photographs and that under one more light."""
+def with_light(photographs: Photographs, before: Forecast, light: NextLight) -> Forecast:
+    """A forecast for the photographs and that under one more light."""
     direction, power = (torch.tensor(x, dtype=torch.float64) for x in (light.direction, light.irradiance))
-    return before + _one_more(capture, DirectionalLight(direction, power), before)
+    return before + _one_more(photographs, DirectionalLight(direction, power), before)
 
 
 def hemisphere(axis: Tensor, count: int, farthest: float) -> list[Tensor]:
@@ -100,9 +101,8 @@ def mean_irradiance(scene: Scene) -> Tensor:
     return torch.stack(powers).mean(0)
 
 
-def _azimuth(capture: Capture, direction: Tensor, axis: Tensor) -> float:
+def _azimuth(surface: Surface, direction: Tensor, axis: Tensor) -> float:
     """Angle of `direction` about `axis`, from the image's right toward its top."""
-    surface = capture.scene.surface
     right = torch.tensor([1.0, 0.0, 0.0], dtype=torch.float64)
     if surface.positions is not None:
         # Where the positions go as the columns grow.
@@ -114,31 +114,32 @@ def _azimuth(capture: Capture, direction: Tensor, axis: Tensor) -> float:
     return math.atan2(float(direction @ top), float(direction @ right))
 
 
-def _one_more(capture: Capture, light: DirectionalLight, before: Forecast) -> Forecast:
+def _one_more(photographs: Photographs, light: DirectionalLight, before: Forecast) -> Forecast:
     """What a photograph under one light tells."""
-    ambient = torch.zeros(1, capture.scene.channels, dtype=torch.float64)
+    ambient = torch.zeros(1, photographs.channels, dtype=torch.float64)
     lit = replace(
-        capture,
-        scene=Scene(capture.scene.surface, ((light,),), ambient).with_shadows(),
-        exposures=(float(np.mean(capture.exposures)),),
-        stored=capture.stored[:1],
+        photographs,
+        scene=Scene(photographs.scene.surface, ((light,),), ambient).with_shadows(),
+        exposures=(float(np.mean(photographs.exposures)),),
+        stored=photographs.stored[:1],
     )
     return forecast(usable(lit, before.problem, before.unknowns), before.problem, before.unknowns)
 
 
-def _thinned(capture: Capture) -> tuple[Capture, float]:
-    """The capture on a lattice of its pixels, and how many pixels each of them stands for."""
-    surface = capture.scene.surface
+def _thinned(photographs: Photographs) -> tuple[Photographs, float]:
+    """The photographs on a lattice of their pixels, and how many pixels each of them stands for."""
+    scene, encoding = photographs.scene, photographs.encoding
+    surface = scene.surface
     step = max(math.ceil(math.sqrt(len(surface) / _RANKING)), 1)
     rows, columns = np.divmod(surface.pixels, surface.shape[1])
     kept = (rows % step == 0) & (columns % step == 0)
     # Floats: the tests for clipping that look at neighbouring pixels belong to whole images of integers.
-    pixels = np.zeros((int(kept.sum()), capture.channels), np.float32)
-    black, flat = float(np.mean(capture.encoding.black)), capture.encoding.flat
+    pixels = np.zeros((int(kept.sum()), photographs.channels), np.float32)
+    black, flat = float(np.mean(encoding.black)), encoding.flat
     thinned = replace(
-        capture,
-        scene=replace(capture.scene, surface=surface.take(kept), shadows=(), shadow_edge=(), unoccluded=None),
-        encoding=replace(capture.encoding, black=black, flat=None if flat is None else flat[kept]),
-        stored=(pixels,) * len(capture),
+        photographs,
+        scene=replace(scene, surface=surface.take(kept), shadows=(), shadow_edge=(), unoccluded=None),
+        encoding=replace(encoding, black=black, flat=None if flat is None else flat[kept]),
+        stored=(pixels,) * len(photographs),
     )
     return thinned, len(surface) / max(int(kept.sum()), 1)

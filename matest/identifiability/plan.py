@@ -14,8 +14,10 @@ from matest.capture import Capture, load_capture, schema
 from matest.capture.assembly import Folder, build_encoding, build_scene, build_surface
 from matest.capture.capture import capture_file
 from matest.errors import InputError
-from matest.photographs.photometry import Noise, quantisation
+from matest.photographs.noise import Noise
+from matest.photographs.photographs import Photographs
 from matest.progress import Progress, silent
+from matest.scene import Scene
 from matest.shading import render_image
 from matest.simulate import bits_of, channels_of, material_of, shape_of, stored_pixels
 
@@ -32,21 +34,24 @@ class Plan:
     """Photographs as far as geometry, lights and camera go.
 
     Attributes:
-        capture: where no photographs exist its pixels are zero.
+        name: of the folder.
+        photographs: where none exist the pixels are zero.
         material: of a scene; None for a capture.
         exposed: whether the radiance of full scale is known; if not, the brightest predicted pixel lies at 90 % of it.
-        noise: where the noise comes from, as a clause.
+        noise_source: where the noise comes from, as a clause.
     """
 
-    capture: Capture
+    name: str
+    photographs: Photographs
     material: Brdf | None = None
     exposed: bool = True
-    noise: str = "as the capture states it"
+    noise_source: str = "as the capture states it"
 
     @classmethod
     def of(cls, capture: Capture) -> Plan:
         """The plan that photographs already follow."""
-        return cls(capture) if capture.noise_given else cls(capture, noise="estimated from the images")
+        plan = cls(capture.name, capture.photographs)
+        return plan if plan.photographs.noise_stated else replace(plan, noise_source="estimated from the images")
 
     def with_noise(self, read: float, gain: float) -> Plan:
         """The same photographs with noise of variance read² + gain·signal, fractions of full scale.
@@ -59,10 +64,9 @@ class Plan:
                 f"noise takes read noise and gain, finite, not negative and not both zero; got {read:g} and {gain:g}. "
                 "A typical camera has 0.001 and 0.0001."
             )
-        capture = self.capture
-        floor = quantisation(capture.encoding, capture.stored[0].dtype)
-        noise = Noise(float(np.hypot(read, floor)), gain)
-        return replace(self, capture=replace(capture, noise=noise, noise_given=True), noise="as given")
+        given = self.photographs
+        noise = Noise(read, gain).with_rounding(given.encoding, given.stored[0].dtype)
+        return replace(self, photographs=replace(given, noise=noise, noise_stated=True), noise_source="as given")
 
 
 def load_plan(
@@ -93,31 +97,31 @@ def load_plan(
     return _planned(tables, file, transfer, None)
 
 
-def photographed(capture: Capture, material: Brdf) -> Capture:
-    """The capture with photographs of `material` as its camera would take them without noise."""
-    encoding = capture.encoding
-    dtype = capture.stored[0].dtype
+def photographed(photographs: Photographs, material: Brdf) -> Photographs:
+    """Photographs of `material` as the same camera would take them without noise."""
+    encoding, dtype = photographs.encoding, photographs.stored[0].dtype
     bits = 8 * dtype.itemsize if dtype.kind == "u" else None
     stored = []
-    for image in range(len(capture)):
-        signal = _radiance(capture, image, material) * (capture.exposures[image] / encoding.scale)
+    for image in range(len(photographs)):
+        signal = _radiance(photographs.scene, image, material) * (photographs.exposures[image] / encoding.scale)
         if encoding.flat is not None:
             signal = signal * encoding.flat
         stored.append(stored_pixels(signal + encoding.black, encoding, bits))
-    return replace(capture, stored=tuple(stored))
+    return replace(photographs, stored=tuple(stored))
 
 
-def exposed(capture: Capture, material: Brdf) -> Capture:
-    """The capture with full scale chosen so that the brightest pixel of `material` lies at 90 % of it."""
-    peak = max(float(_radiance(capture, k, material).max()) * e for k, e in enumerate(capture.exposures))
-    scale = peak / (_EXPOSED - float(np.max(capture.encoding.black)))
-    return replace(capture, encoding=replace(capture.encoding, scale=scale)) if scale > 0 else capture
+def exposed(photographs: Photographs, material: Brdf) -> Photographs:
+    """The same with full scale chosen so that the brightest pixel of `material` lies at 90 % of it."""
+    scene, encoding = photographs.scene, photographs.encoding
+    peak = max(float(_radiance(scene, k, material).max()) * e for k, e in enumerate(photographs.exposures))
+    scale = peak / (_EXPOSED - float(np.max(encoding.black)))
+    return replace(photographs, encoding=replace(encoding, scale=scale)) if scale > 0 else photographs
 
 
-def _radiance(capture: Capture, image: int, material: Brdf) -> np.ndarray:
+def _radiance(scene: Scene, image: int, material: Brdf) -> np.ndarray:
     """Radiance [N, C] of the object's pixels."""
-    rendered = render_image(capture.scene, image, material).detach().numpy()
-    return rendered.reshape(-1, rendered.shape[-1])[capture.scene.surface.pixels]
+    rendered = render_image(scene, image, material).detach().numpy()
+    return rendered.reshape(-1, rendered.shape[-1])[scene.surface.pixels]
 
 
 def _planned(tables: schema.CaptureFile, file: Path, transfer: str | float | None, material: Brdf | None) -> Plan:
@@ -139,21 +143,20 @@ def _planned(tables: schema.CaptureFile, file: Path, transfer: str | float | Non
     stated = tables.noise is not None and (tables.noise.read > 0 or tables.noise.gain > 0)
     noise = Noise(tables.noise.read, tables.noise.gain) if tables.noise is not None and stated else TYPICAL
     names = [image.file or f"image {number}" for number, image in enumerate(tables.image)]
-    capture = Capture(
-        name=file.parent.absolute().name,
+    photographs = Photographs(
         scene=scene,
         stored=(np.zeros((len(surface), channels), dtype),) * len(tables.image),
         encoding=encoding,
         exposures=tuple(image.exposure for image in tables.image),
         noise=noise,
-        noise_given=True,
+        noise_stated=True,
         relative=chosen.radiometry == "relative" or not powers_known,
-        files=tuple(folder.path / name for name in names),
-        folder=folder.path,
+        names=tuple(names),
     )
     known = chosen.scale is not None or np.dtype(dtype).kind == "f"
-    plan = Plan(capture, material, known).with_noise(noise.read, noise.gain)
-    return replace(plan, noise="as the file states it" if stated else "that of a typical camera, as none is stated")
+    plan = Plan(file.parent.absolute().name, photographs, material, known).with_noise(noise.read, noise.gain)
+    source = "as the file states it" if stated else "that of a typical camera, as none is stated"
+    return replace(plan, noise_source=source)
 
 
 def _has_material(file: Path) -> bool:

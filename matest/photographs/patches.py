@@ -75,7 +75,7 @@ class Patches:
     @cached_property
     def layout(self) -> Layout:
         """Where patches can be."""
-        scene = self.pixels.capture.scene
+        scene = self.pixels.photographs.scene
         if not self._merge or len(scene.surface) < _WORTH:
             return nothing_laid_out(len(scene.surface))
         return lay_out(scene, self.pixels.blocks)
@@ -108,11 +108,11 @@ class Patches:
 
     def _projected(self, image: int, patches: np.ndarray) -> tuple[Tensor, Tensor, np.ndarray]:
         """Values and scatter of patches [49, m] as in `_Tile`, and which to merge [m]."""
-        capture, projection = self.pixels.capture, PROJECTION.float()
+        photographs, projection = self.pixels.photographs, PROJECTION.float()
         nodes, largest, scatter = [], [], []
         for start in range(0, patches.shape[1], _CHUNK):
             pixels = patches[:, start : start + _CHUNK].ravel()
-            values = torch.from_numpy(capture.radiance(image, pixels)).reshape(PIXELS, -1)
+            values = torch.from_numpy(photographs.radiance(image, pixels)).reshape(PIXELS, -1)
             bilinear = projection @ values
             # In place: memory is what limits this.
             squares = values.addmm_(projection.T, bilinear, alpha=-SHARE).square_()
@@ -120,9 +120,9 @@ class Patches:
             largest.append(squares.amax(0))
             scatter.append(squares.mean(0))
         if not nodes:
-            none = torch.zeros(0, capture.channels)
+            none = torch.zeros(0, photographs.channels)
             return none.expand(len(NODES), -1, -1), none, np.zeros(0, dtype=bool)
-        shape = (patches.shape[1], capture.channels)
+        shape = (patches.shape[1], photographs.channels)
         every = torch.cat(nodes, dim=1).unflatten(1, shape)
         clean = self._clean(image, patches[PIXELS // 2], every, torch.cat(largest).reshape(shape).sqrt())
         return every, torch.cat(scatter).reshape(shape), clean.numpy()

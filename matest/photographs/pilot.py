@@ -38,7 +38,7 @@ def pilot(pixels: LitPixels, count: int, seed: int) -> list[Batch]:
             index = _even(pixels, image, index, quota, generator)
         # One group: so few pixels of a block say nothing of its errors.
         batch = replace(pixels.at(position, index), groups=torch.full((len(index),), position * BLOCKS))
-        pixels.capture.release(image)
+        pixels.photographs.release(image)
         return [batch]
 
     return list(itertools.chain.from_iterable(in_threads(draw, range(len(pixels.images)))))
@@ -69,7 +69,7 @@ def _even(pixels: LitPixels, image: int, index: np.ndarray, quota: int, generato
 
 def half_angles(pixels: LitPixels, image: int, index: np.ndarray) -> np.ndarray:
     """Class of the smallest half angle among the lights that each pixel faces, uint8 [n]."""
-    scene, chosen = pixels.capture.scene, torch.from_numpy(index)
+    scene, chosen = pixels.photographs.scene, torch.from_numpy(index)
     surface, shadows = scene.surface, scene.shadows[image] if scene.shadows else None
     normals = surface.normals_as(torch.float32).detach().index_select(0, chosen)
     view = surface.toward_viewer(chosen).detach().float()

@@ -12,14 +12,16 @@ import torch
 from torch import Tensor
 
 from matest.directions import dot
-from matest.photographs.photometry import as_tensor, rounding
+from matest.photographs.noise import rounding
+from matest.photographs.photometry import as_tensor
 from matest.samples.batch import Batch
 from matest.samples.likelihood import Limits, MeasurementNoise, Readout
+from matest.samples.redundancy import Redundancy
 from matest.scene import Points
 from matest.workers import in_threads
 
 if TYPE_CHECKING:
-    from matest.capture.capture import Capture
+    from matest.photographs.photographs import Photographs
 
 # Where cast shadows are unknown, a pixel counts only where its surroundings are this much read noise above black.
 # Rounding counts with that of mid-tones, a quarter of that of white.
@@ -44,7 +46,7 @@ class _Selection(NamedTuple):
 
 
 class LitPixels:
-    """The usable pixels of some images of a capture.
+    """The usable pixels of some images of a photographs.
 
     Left out, and counted in `skipped`: background, shadowed (attached and cast, with the edge of cast shadows; on a
     surface known by its normals alone also what is too dark for the sensor), rim (pixels that may mix object and
@@ -52,16 +54,23 @@ class LitPixels:
     """
 
     def __init__(
-        self, capture: Capture, images: tuple[int, ...], dtype: torch.dtype, device: torch.device | str
+        self,
+        photographs: Photographs,
+        images: tuple[int, ...],
+        dtype: torch.dtype,
+        device: torch.device | str,
+        redundancy: Redundancy | None = None,
     ) -> None:
-        self.capture = capture
+        self.photographs = photographs
         self.images = images
         self.dtype = dtype
         self.device = device
+        # What was left out of the photographs, and why.
+        self.redundancy = redundancy or Redundancy()
 
     @cached_property
     def _selection(self) -> _Selection:
-        surface = self.capture.scene.surface
+        surface = self.photographs.scene.surface
         background = surface.shape[0] * surface.shape[1] - len(surface)
 
         def select(image: int) -> tuple[np.ndarray, int, int]:
@@ -69,7 +78,7 @@ class LitPixels:
             dark = usable & (self._dark(image) | ~self._lit(image))
             usable &= ~dark
             saturated = self._saturated(image)
-            self.capture.release(image)
+            self.photographs.release(image)
             return np.packbits(usable), int(dark.sum()), 0 if saturated is None else int((usable & saturated).sum())
 
         columns = zip(*in_threads(select, self.images), strict=True)
@@ -86,14 +95,14 @@ class LitPixels:
 
     def _saturated(self, image: int) -> np.ndarray | None:
         """Pixels with a saturated channel [N]; None where there are none."""
-        stored, saturated = self.capture.stored[image], self.capture.encoding.saturated
+        stored, saturated = self.photographs.stored[image], self.photographs.encoding.saturated
         if not saturated(stored.max(keepdims=True, initial=0)).any():
             return None
         return np.asarray(saturated(stored).any(axis=1))
 
     def _lit(self, image: int) -> np.ndarray:
         """True where some light, or ambient light, reaches the pixel, and no shadow edge crosses it."""
-        scene = self.capture.scene
+        scene = self.photographs.scene
         surface = scene.surface
         lit = np.full(len(surface), bool((scene.ambient[image] > 0).any()))
         shadows = scene.shadows[image] if scene.shadows else None
@@ -112,15 +121,15 @@ class LitPixels:
 
         Judged by the mean of 3×3 pixels: chosen by the noisy pixel itself, what is left over would be biased.
         """
-        capture = self.capture
-        surface = capture.scene.surface
+        photographs = self.photographs
+        surface = photographs.scene.surface
         if surface.mesh is not None or surface.convex:
             return np.zeros(len(surface), dtype=bool)
-        signal = surface.image(capture.encoding.signal(capture.stored[image], slice(None)).astype(np.float32))
-        mean = cv2.blur(signal, (3, 3)).reshape(-1, capture.channels)[surface.pixels]
-        codes = capture.stored[image].dtype
-        typical = float(rounding(capture.encoding, codes)[0] * _MIDDLE)
-        return (mean < _DARK * math.hypot(capture.noise.read, math.sqrt(typical))).all(axis=1)
+        signal = surface.image(photographs.encoding.signal(photographs.stored[image], slice(None)).astype(np.float32))
+        mean = cv2.blur(signal, (3, 3)).reshape(-1, photographs.channels)[surface.pixels]
+        codes = photographs.stored[image].dtype
+        typical = float(rounding(photographs.encoding, codes)[0] * _MIDDLE)
+        return (mean < _DARK * math.hypot(photographs.noise.read, math.sqrt(typical))).all(axis=1)
 
     @property
     def skipped(self) -> dict[str, int]:
@@ -136,7 +145,7 @@ class LitPixels:
 
     def usable(self, position: int) -> np.ndarray:
         """Whether each pixel of the surface is usable in the image at `position` in `images` [N]."""
-        count = len(self.capture.scene.surface)
+        count = len(self.photographs.scene.surface)
         return np.unpackbits(self._selection.usable[position], count=count).view(bool)
 
     def indices(self, position: int) -> np.ndarray:
@@ -165,43 +174,43 @@ class LitPixels:
     def points(self, image: int, index: np.ndarray) -> Points:
         """Geometry and light of some pixels of an image."""
         chosen = torch.from_numpy(index.astype(np.int64))
-        return self.capture.scene.points(image, chosen, dtype=self.dtype, device=self.device)
+        return self.photographs.scene.points(image, chosen, dtype=self.dtype, device=self.device)
 
     def radiance(self, image: int, index: np.ndarray) -> Tensor:
         """Measured radiance of some pixels of an image [n, C]."""
-        return as_tensor(self.capture.radiance(image, index), self.dtype, self.device)
+        return as_tensor(self.photographs.radiance(image, index), self.dtype, self.device)
 
     def clipped(self, image: int, index: np.ndarray) -> Tensor | None:
         """Which values are clipped, as in `Batch`."""
-        stored = np.take(self.capture.stored[image], index, axis=0)
+        stored = np.take(self.photographs.stored[image], index, axis=0)
         black = stored.dtype.kind == "u" and stored.min(initial=1) == 0
-        if not black and not self.capture.encoding.saturated(stored.max(axis=0, keepdims=True, initial=0)).any():
+        if not black and not self.photographs.encoding.saturated(stored.max(axis=0, keepdims=True, initial=0)).any():
             return None
-        clipped = self.capture.encoding.saturated(stored).astype(np.int8)
+        clipped = self.photographs.encoding.saturated(stored).astype(np.int8)
         if black:
             clipped -= stored == 0
         return torch.from_numpy(clipped).to(self.device)
 
     def limits(self, image: int, index: np.ndarray) -> Limits | None:
         """Radiance at which some pixels of an image clip; None where none do."""
-        capture = self.capture
-        ends = capture.encoding.limits(capture.stored[image].dtype, index)
+        photographs = self.photographs
+        ends = photographs.encoding.limits(photographs.stored[image].dtype, index)
         if ends is None:
             return None
-        scale = capture.encoding.scale / capture.exposures[image]
+        scale = photographs.encoding.scale / photographs.exposures[image]
         return Limits(*(as_tensor(end * scale, self.dtype, self.device) for end in ends))
 
     def readout(self, image: int, index: np.ndarray) -> Readout:
         """Noise of some pixels of an image."""
-        capture = self.capture
-        flat = capture.encoding.flat
-        scale = np.full((1, 1), capture.encoding.scale / capture.exposures[image])
+        photographs = self.photographs
+        flat = photographs.encoding.flat
+        scale = np.full((1, 1), photographs.encoding.scale / photographs.exposures[image])
         if flat is not None:
             scale = scale / flat[index]
-        rounded, power = rounding(capture.encoding, capture.stored[image].dtype)
+        rounded, power = rounding(photographs.encoding, photographs.stored[image].dtype)
         values = (
-            (capture.noise.read * scale) ** 2,
-            capture.noise.gain * scale,
+            (photographs.noise.read * scale) ** 2,
+            photographs.noise.gain * scale,
             rounded * scale ** (2 - power),
             np.full((1, 1), power),
         )
@@ -210,7 +219,7 @@ class LitPixels:
     @cached_property
     def blocks(self) -> np.ndarray:
         """The block of the object's bounding box that each pixel of the surface lies in [N]."""
-        surface = self.capture.scene.surface
+        surface = self.photographs.scene.surface
         rows, columns = np.divmod(surface.pixels, surface.shape[1])
         return (_cell(rows) * _BLOCKS_ACROSS + _cell(columns)).astype(np.uint8)
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from torch import Tensor
 
-from matest.scene.lights import DirectionalLight, Light, PointLight
+from matest.samples.redundancy import Redundancy
 
 if TYPE_CHECKING:
-    from matest.capture.capture import Capture
+    from matest.photographs.photographs import Photographs
 
 # Pixels that are compared before all of them are.
 _GLANCE = 1024
@@ -20,102 +20,86 @@ _GLANCE = 1024
 _EVEN = 0.01
 
 
-def without_copies(capture: Capture) -> Capture:
-    """The capture with one channel where all its channels are copies of it: a grey image stored as a coloured one.
+def without_copies(photographs: Photographs) -> Photographs:
+    """One channel where all channels are copies of it: a grey image stored as a coloured one.
 
     Their noise is the same too; taken for independent it would count as often as there are channels.
     """
-    if capture.channels == 1 or not all(_alike(tensor) for tensor in _colours(capture)):
-        return capture
-    calibration = [part for part in (capture.encoding.black, capture.encoding.flat) if isinstance(part, np.ndarray)]
-    for part in (*capture.stored, *calibration):
+    if photographs.channels == 1 or not all(_alike(tensor) for tensor in _colours(photographs)):
+        return photographs
+    scene, encoding = photographs.scene, photographs.encoding
+    calibration = [part for part in (encoding.black, encoding.flat) if isinstance(part, np.ndarray)]
+    for part in (*photographs.stored, *calibration):
         if not all(_equal(part[:, 0], part[:, channel]) for channel in range(1, part.shape[1])):
-            return capture
-    scene, encoding = capture.scene, capture.encoding
+            return photographs
     wavelength = None if scene.wavelength is None else scene.wavelength[:1]
-    lights = tuple(tuple(_first_channel(light) for light in lights) for lights in scene.lights)
+    lights = tuple(tuple(light.channel(0) for light in lights) for lights in scene.lights)
     black = encoding.black[:, :1] if isinstance(encoding.black, np.ndarray) else encoding.black
     flat = None if encoding.flat is None else encoding.flat[:, :1]
     return replace(
-        capture,
-        stored=tuple(np.ascontiguousarray(pixels[:, :1]) for pixels in capture.stored),
+        photographs,
+        stored=tuple(np.ascontiguousarray(pixels[:, :1]) for pixels in photographs.stored),
         scene=replace(scene, lights=lights, ambient=scene.ambient[:, :1], wavelength=wavelength),
         encoding=replace(encoding, black=black, flat=flat),
-        copies=capture.channels - 1,
     )
 
 
-def idle(capture: Capture, images: Iterable[int]) -> dict[int, str]:
-    """Of some images those that add nothing to the others, and why.
+def redundancy(photographs: Photographs, images: Iterable[int]) -> Redundancy:
+    """Of some images those that add nothing to the others, and those that contradict an earlier one.
 
-    No light falls in them as they state it, or they are a photograph that is there already, pixel by pixel and under
-    the same light.
+    An image adds nothing where no light falls in it as it is stated, or where it is a photograph that is there already,
+    pixel by pixel and under the same light. Images that are even all over contradict none: black and clipped ones are
+    alike whatever the light.
     """
     images = tuple(images)
-    lit = [image for image in images if _lit(capture, image)]
-    found = {image: "its lights are stated to give none" for image in images if image not in lit}
-    for image, twin in twins(capture, lit).items():
-        if _stated_alike(capture, image, twin):
-            found[image] = f"it is the photograph {capture.names[twin]} once more"
-    return dict(sorted(found.items()))
+    lit = [image for image in images if _lit(photographs, image)]
+    reasons = {image: "its lights are stated to give none" for image in images if image not in lit}
+    contradictions = {}
+    for image, twin in _twins(photographs, lit).items():
+        if _stated_alike(photographs, image, twin):
+            reasons[image] = f"it is the photograph {photographs.names[twin]} once more"
+        elif _varied(photographs.stored[image]):
+            contradictions[image] = twin
+    return Redundancy(dict(sorted(reasons.items())), contradictions=contradictions)
 
 
-def twins(capture: Capture, images: Iterable[int]) -> dict[int, int]:
+def _twins(photographs: Photographs, images: Iterable[int]) -> dict[int, int]:
     """Of some images those that are an earlier one pixel by pixel, and which.
 
     Of several that are, one stated to be under the same light.
     """
-    found: dict[int, int] = {}
+    twins: dict[int, int] = {}
     likely: dict[bytes, list[int]] = {}
     for image in images:
-        pixels = capture.stored[image]
+        pixels = photographs.stored[image]
         # Zeros have two signs.
         others = likely.setdefault((_glance(pixels) + 0).tobytes(), [])
         if others:
-            same = [other for other in others if np.array_equal(pixels, capture.stored[other])]
-            same.sort(key=lambda other: not _stated_alike(capture, image, other))
-            found |= {image: same[0]} if same else {}
+            same = [other for other in others if np.array_equal(pixels, photographs.stored[other])]
+            same.sort(key=lambda other: not _stated_alike(photographs, image, other))
+            twins |= {image: same[0]} if same else {}
         others.append(image)
         # Pixels that lie in a temporary file are not to fill the memory.
         for other in others:
-            capture.release(other)
-    return found
-
-
-def copied(capture: Capture, images: Iterable[int]) -> dict[int, int]:
-    """`twins` that are stated to be under different lights or exposures; but for images that are even all over.
-
-    Black and clipped ones are alike whatever the light.
-    """
-    found = twins(capture, images)
-    return {
-        image: twin
-        for image, twin in found.items()
-        if not _stated_alike(capture, image, twin) and _varied(capture.stored[image])
-    }
+            photographs.release(other)
+    return twins
 
 
 def _varied(pixels: np.ndarray) -> bool:
     return float((pixels != np.median(pixels, axis=0)).any(axis=1).mean()) > _EVEN
 
 
-def _lit(capture: Capture, image: int) -> bool:
-    lights = capture.scene.lights[image]
-    return bool((capture.scene.ambient[image] > 0).any()) or any(bool((_power(light) > 0).any()) for light in lights)
+def _lit(photographs: Photographs, image: int) -> bool:
+    scene = photographs.scene
+    return bool((scene.ambient[image] > 0).any()) or any(bool((light.power > 0).any()) for light in scene.lights[image])
 
 
-def _stated_alike(capture: Capture, image: int, other: int) -> bool:
+def _stated_alike(photographs: Photographs, image: int, other: int) -> bool:
     """Whether two images are stated to be taken under the same light with the same exposure."""
-    scene = capture.scene
-    if capture.exposures[image] != capture.exposures[other] or len(scene.lights[image]) != len(scene.lights[other]):
+    scene, exposures = photographs.scene, photographs.exposures
+    if exposures[image] != exposures[other] or len(scene.lights[image]) != len(scene.lights[other]):
         return False
-    alike = all(
-        type(one) is type(two)
-        and _place(one).equal(_place(two))
-        and _power(one).equal(_power(two))
-        and one.solid_angle == two.solid_angle
-        for one, two in zip(scene.lights[image], scene.lights[other], strict=True)
-    )
+    alike = all(one.same_as(two) for one, two in zip(scene.lights[image], scene.lights[other], strict=True))
     return alike and bool(scene.ambient[image].equal(scene.ambient[other]))
 
 
@@ -128,26 +112,12 @@ def _glance(pixels: np.ndarray) -> np.ndarray:
     return pixels[len(pixels) // 2 : len(pixels) // 2 + _GLANCE]
 
 
-def _colours(capture: Capture) -> list[Tensor]:
-    """What the capture knows of every channel [..., C], beside its pixels."""
-    scene = capture.scene
+def _colours(photographs: Photographs) -> list[Tensor]:
+    """What is known of every channel [..., C], beside the pixels."""
+    scene = photographs.scene
     wavelength = [] if scene.wavelength is None else [scene.wavelength]
-    return [scene.ambient, *wavelength, *(_power(light) for lights in scene.lights for light in lights)]
+    return [scene.ambient, *wavelength, *(light.power for lights in scene.lights for light in lights)]
 
 
 def _alike(values: Tensor) -> bool:
     return bool((values == values[..., :1]).all())
-
-
-def _power(light: Light) -> Tensor:
-    return light.irradiance if isinstance(light, DirectionalLight) else light.intensity
-
-
-def _place(light: Light) -> Tensor:
-    return light.direction if isinstance(light, DirectionalLight) else light.position
-
-
-def _first_channel(light: Light) -> Light:
-    if isinstance(light, PointLight):
-        return replace(light, intensity=light.intensity[:1])
-    return replace(light, irradiance=light.irradiance[:1])

@@ -16,7 +16,7 @@ from matest.samples.batch import join
 
 
 class PhotographSamples(LitPixels):
-    """Samples of some images of a capture: every usable pixel of each.
+    """Samples of some photographs: every usable pixel of each.
 
     What is left out, and counted in `skipped`, is said in `LitPixels`.
     """
@@ -24,17 +24,17 @@ class PhotographSamples(LitPixels):
     @property
     def channels(self) -> int:
         """Channels of the radiance."""
-        return self.capture.channels
+        return self.photographs.channels
 
     @property
     def relative(self) -> bool:
         """Whether the strength of the lights is known up to one common factor only."""
-        return self.capture.relative
+        return self.photographs.relative
 
     @property
     def noise_stated(self) -> bool:
         """Whether the noise is known; if not, it was estimated from the photographs."""
-        return self.capture.noise_given
+        return self.photographs.noise_stated
 
     @property
     def groups(self) -> Groups:
@@ -43,7 +43,7 @@ class PhotographSamples(LitPixels):
 
     def optics(self, name: str) -> Tensor | None:
         """See `Scene.optics`."""
-        return self.capture.scene.optics(name)
+        return self.photographs.scene.optics(name)
 
     def pilot(self, count: int, seed: int) -> list[Batch]:
         """About `count` samples, spread evenly over images and half angles; one batch, and one group, per image."""

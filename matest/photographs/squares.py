@@ -21,7 +21,7 @@ import torch
 from torch import Tensor
 
 from matest.samples.merging import Tier
-from matest.scene import PointLight, Scene
+from matest.scene import Scene
 
 SIDE = 7
 PIXELS = SIDE * SIDE
@@ -154,9 +154,9 @@ def _smooth(scene: Scene, pixels: np.ndarray, polynomial: Tensor, at: Iterable[i
     features = [surface.normals_as(torch.float32).detach()]
     if len(surface.view) > 1:
         features.append(surface.view.float())
-    near = [light.position for lights in scene.lights for light in lights if isinstance(light, PointLight)]
+    near = [light for lights in scene.lights for light in lights if light.near]
     if near and surface.positions is not None:
-        closest = min(float((surface.positions - position).norm(dim=-1).min()) for position in near)
+        closest = min(float(light.distance(surface.positions).min()) for light in near)
         features.append((surface.positions.detach() / closest).float())
     if scene.unoccluded is not None:
         features.append(torch.from_numpy(scene.unoccluded).float()[:, None])

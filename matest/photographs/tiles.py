@@ -45,7 +45,7 @@ class ImageTiles:
         for first in range(0, len(images), _IMAGES_AT_ONCE):
             yield [tile for some in tiles[first : first + _IMAGES_AT_ONCE] for tile in some]
             for k in images[first : first + _IMAGES_AT_ONCE]:
-                self.pixels.capture.release(self.pixels.images[k])
+                self.pixels.photographs.release(self.pixels.images[k])
 
 
 def _joined(tiles: Sequence[Sequence[Callable[[], Tile]]]) -> Tile:

@@ -12,8 +12,6 @@ import numpy as np
 
 from matest.errors import InputError
 
-_VIEWER = np.array([0.0, 0.0, 1.0])
-
 
 @dataclass(frozen=True)
 class Camera:

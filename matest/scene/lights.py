@@ -1,14 +1,59 @@
-"""Light sources: distant and near."""
+"""Light sources: distant and near, behind one protocol."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Protocol, Self
 
 import torch
 from torch import Tensor
 
 from matest.errors import InputError
+
+
+class Light(Protocol):
+    """What scenes, shading and photographs ask a light.
+
+    Attributes:
+        solid_angle: of the source in sr, if known.
+        near: whether its direction and irradiance differ from place to place, so that positions are needed.
+        power: irradiance on a facing surface of a distant light, at unit distance of a near one, [C].
+    """
+
+    @property
+    def solid_angle(self) -> float | None: ...
+
+    @property
+    def near(self) -> bool: ...
+
+    @property
+    def power(self) -> Tensor: ...
+
+    def at(self, positions: Tensor | None) -> tuple[Tensor, Tensor]:
+        """Unit vectors to the light [1 or N, 3] and irradiance of a surface facing it [1 or N, C].
+
+        Args:
+            positions: of the surface in world units [N, 3]; a distant light needs none.
+
+        Raises:
+            InputError: a near light without positions.
+        """
+        ...
+
+    def distance(self, positions: Tensor) -> Tensor:
+        """World units from `positions` [N, 3] to the light, infinite for a distant one, [1 or N]."""
+        ...
+
+    def same_as(self, other: Light) -> bool:
+        """Whether the other is stated to be the same light to the last digit."""
+        ...
+
+    def channel(self, index: int) -> Self:
+        """The same light as one channel sees it, C = 1."""
+        ...
+
+    def to(self, dtype: torch.dtype, device: torch.device | str) -> Self: ...
 
 
 @dataclass(frozen=True)
@@ -25,9 +70,26 @@ class DirectionalLight:
     irradiance: Tensor
     solid_angle: float | None = None
 
+    @property
+    def near(self) -> bool:
+        return False
+
+    @property
+    def power(self) -> Tensor:
+        return self.irradiance
+
     def at(self, positions: Tensor | None) -> tuple[Tensor, Tensor]:  # noqa: ARG002
-        """Unit vectors to the light [1, 3] and irradiance of a surface facing it [1, C]."""
         return self.direction[None], self.irradiance[None]
+
+    def distance(self, positions: Tensor) -> Tensor:
+        return positions.new_full((1,), math.inf)
+
+    def same_as(self, other: Light) -> bool:
+        same_place = isinstance(other, DirectionalLight) and self.direction.equal(other.direction)
+        return same_place and _same_power(self, other)
+
+    def channel(self, index: int) -> DirectionalLight:
+        return replace(self, irradiance=self.irradiance[index, None])
 
     def to(self, dtype: torch.dtype, device: torch.device | str) -> DirectionalLight:
         return DirectionalLight(self.direction.to(device, dtype), self.irradiance.to(device, dtype), self.solid_angle)
@@ -47,8 +109,15 @@ class PointLight:
     intensity: Tensor
     solid_angle: float | None = None
 
+    @property
+    def near(self) -> bool:
+        return True
+
+    @property
+    def power(self) -> Tensor:
+        return self.intensity
+
     def at(self, positions: Tensor | None) -> tuple[Tensor, Tensor]:
-        """Unit vectors to the light [N, 3] and irradiance of a surface facing it [N, C] at `positions` [N, 3]."""
         if positions is None:
             raise InputError(
                 "a point light needs the surface's positions: give a mesh, or positions beside the normal map."
@@ -57,11 +126,18 @@ class PointLight:
         squared = (offset * offset).sum(-1, keepdim=True)
         return offset / squared.sqrt(), self.intensity / squared
 
+    def distance(self, positions: Tensor) -> Tensor:
+        return (self.position - positions).norm(dim=-1)
+
+    def same_as(self, other: Light) -> bool:
+        same_place = isinstance(other, PointLight) and self.position.equal(other.position)
+        return same_place and _same_power(self, other)
+
+    def channel(self, index: int) -> PointLight:
+        return replace(self, intensity=self.intensity[index, None])
+
     def to(self, dtype: torch.dtype, device: torch.device | str) -> PointLight:
         return PointLight(self.position.to(device, dtype), self.intensity.to(device, dtype), self.solid_angle)
-
-
-Light = DirectionalLight | PointLight
 
 
 def unit_direction(direction: list[float], label: str) -> Tensor:
@@ -78,3 +154,7 @@ def unit_direction(direction: list[float], label: str) -> Tensor:
             "least one non-zero."
         )
     return vector / length
+
+
+def _same_power(one: Light, other: Light) -> bool:
+    return one.power.equal(other.power) and one.solid_angle == other.solid_angle

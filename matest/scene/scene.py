@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from matest.errors import InputError
-from matest.scene.lights import Light, PointLight
+from matest.scene.lights import Light
 from matest.scene.points import Points, illuminate
 from matest.scene.surface import Surface
 from matest.scene.visibility import cast_shadows, shadow_edges, unoccluded_fraction
@@ -84,7 +84,7 @@ class Scene:
 
     def near_positions(self, image: int, index: Tensor | slice = slice(None)) -> Tensor | None:
         """Positions of some pixels [n, 3], where a light of the image is near: a distant one needs none."""
-        near = any(isinstance(light, PointLight) for light in self.lights[image])
+        near = any(light.near for light in self.lights[image])
         return self.surface.positions[index] if near and self.surface.positions is not None else None
 
     def points(

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import torch
 
-from matest.scene.lights import DirectionalLight, Light
+from matest.scene.lights import Light
 from matest.scene.surface import Surface
 from matest.workers import in_threads
 
@@ -32,12 +33,8 @@ def cast_shadows(surface: Surface, light: Light) -> np.ndarray | None:
     offset = 1e-4 * mesh.extent
     origins = positions[facing] + offset * mesh.face_normals(surface.faces[facing])
     faces, distance = mesh.first_hits(origins, directions[facing])
-    blocked = faces >= 0
-    if not isinstance(light, DirectionalLight):
-        reach = np.linalg.norm(light.position.detach().numpy() - origins, axis=1)
-        blocked &= distance < reach
     shadow = np.zeros(len(surface), dtype=bool)
-    shadow[facing] = blocked
+    shadow[facing] = (faces >= 0) & (distance < light.distance(torch.from_numpy(origins)).detach().numpy())
     return shadow
 
 

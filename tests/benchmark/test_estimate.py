@@ -48,8 +48,8 @@ def test_every_stage_has_a_record_and_the_ratio_of_a_full_run_a_limit(
 def test_the_photographs_are_of_the_stated_material_and_size(tmp_path: Path) -> None:
     capture = matest.load_capture(take(tmp_path, "oren-nayar", images=3, size=64))
     assert len(capture) == 3
-    assert capture.stored[0].dtype == np.uint16
-    assert capture.stored[0].shape[1] == 3
+    assert capture.photographs.stored[0].dtype == np.uint16
+    assert capture.photographs.stored[0].shape[1] == 3
     assert len(capture.scene.surface) == pytest.approx(0.8e6 / 1024**2 * 64**2, rel=0.02)
     found = matest.estimate(capture, "oren-nayar")
     for name, truth in MATERIALS["oren-nayar"].items():

@@ -90,5 +90,6 @@ def test_bounds_of_paper_are_of_what_light_from_the_viewer_s_side_shows() -> Non
 
 @pytest.mark.parametrize("name", list(frontier.CASES))
 def test_no_pixel_that_peers_get_is_clipped(name: str) -> None:
-    capture = frontier.CASES[name].make(SIZE).capture
-    assert all(image.min() > 0 and not capture.encoding.saturated(image).any() for image in capture.stored)
+    photographs = frontier.CASES[name].make(SIZE).capture.photographs
+    saturated = photographs.encoding.saturated
+    assert all(image.min() > 0 and not saturated(image).any() for image in photographs.stored)

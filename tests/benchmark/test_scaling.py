@@ -62,6 +62,6 @@ def test_every_second_photograph_keeps_its_light_and_pixels() -> None:
     whole = scaling.photographs("oren-nayar", MATERIALS["oren-nayar"], images=4, side=16)
     half = scaling.every(whole, 2)
     assert len(half) == 2
-    assert half.stored[1] is whole.stored[2]
+    assert half.photographs.stored[1] is whole.photographs.stored[2]
     assert half.scene.lights[1] == whole.scene.lights[2]
     assert len(half.samples()) < len(whole.samples())

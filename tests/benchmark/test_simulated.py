@@ -13,9 +13,9 @@ MODELS = ("lambert", "oren-nayar", "cook-torrance", "li-torrance")
 
 @pytest.mark.parametrize("expression", MODELS)
 def test_the_same_seed_draws_the_same_pixels(expression: str) -> None:
-    one, other = (draw(expression, 3).photograph(CLEAN) for _ in range(2))
+    one, other = (draw(expression, 3).photograph(CLEAN).photographs for _ in range(2))
     assert all(np.array_equal(a, b) for a, b in zip(one.stored, other.stored, strict=True))
-    another = draw(expression, 4).photograph(CLEAN)
+    another = draw(expression, 4).photograph(CLEAN).photographs
     assert len(another) != len(one) or not np.array_equal(another.stored[0], one.stored[0])
 
 
@@ -29,7 +29,7 @@ def test_draws_differ_in_object_lights_and_channels() -> None:
 
 def test_clean_photographs_scatter_about_the_truth_as_their_noise_says() -> None:
     drawn = draw("cook-torrance", 1)
-    capture = drawn.photograph(CLEAN)
+    capture = drawn.photograph(CLEAN).photographs
     assert capture.stored[0].dtype == np.uint16
     scale = drawn.scale(CLEAN)
     for image, truth in enumerate(drawn.radiance):
@@ -47,7 +47,7 @@ def test_clean_photographs_scatter_about_the_truth_as_their_noise_says() -> None
 def test_spoilt_photographs_have_the_stated_shares_of_outliers_and_saturated_pixels() -> None:
     drawn = next(one for seed in range(20) if len((one := draw("oren-nayar", seed)).scene) == 12)
     conditions = Conditions(bits=8, outliers=0.02, saturated=0.05)
-    capture, ideal = drawn.photograph(conditions), drawn.ideal(conditions)
+    capture, ideal = drawn.photograph(conditions).photographs, drawn.ideal(conditions).photographs
     assert capture.stored[0].dtype == np.uint8
     lit = np.concatenate([image.max(axis=1) > 0 for image in drawn.radiance])
     above = np.concatenate([ideal.encoding.saturated(pixels).any(axis=1) for pixels in ideal.stored])

@@ -84,7 +84,7 @@ def test_integer_images_decode_to_radiance(folder, dtype):
     folder.tables["encoding"] |= {"scale": 3.0, "black": 0.02}
     folder.tables["image"][1]["exposure"] = 2.0
     capture = folder.load()
-    assert capture.stored[0].dtype == dtype
+    assert capture.photographs.stored[0].dtype == dtype
     for k, exposure in enumerate([1.0, 2.0]):
         truth = lambert_sphere(folder.tables["image"][k]["lights"])[capture.scene.surface.mask]
         expected = (truth - 0.02) * 3.0 / exposure
@@ -144,12 +144,12 @@ def test_radiometry_may_be_declared_relative(folder):
 def test_stated_noise_is_used_and_otherwise_estimated(folder):
     encode_as_png(folder, np.uint16)
     capture = folder.load()
-    assert not capture.noise_given
+    assert not capture.photographs.noise_stated
     folder.tables["noise"] = {"read": 0.01, "gain": 0.002}
     capture = folder.load()
-    assert capture.noise_given
-    assert capture.noise.read == pytest.approx(0.01, rel=1e-4)
-    assert capture.noise.gain == 0.002
+    assert capture.photographs.noise_stated
+    assert capture.photographs.noise.read == pytest.approx(0.01, rel=1e-4)
+    assert capture.photographs.noise.gain == 0.002
 
 
 def test_noise_is_estimated_from_the_photographs(folder):
@@ -163,7 +163,7 @@ def test_noise_is_estimated_from_the_photographs(folder):
         folder.put(f"n{k}.png", np.round(65535 * (noisy + 0.05).clip(0, 1)).astype(np.uint16))
         tables.append({"file": f"n{k}.png", "lights": lights})
     folder.tables |= {"image": tables, "encoding": {"transfer": "linear", "black": 0.05}}
-    noise = folder.load().noise
+    noise = folder.load().photographs.noise
     # 500 pixels in three channels of eight images: the line is good to some 6 % within the range of the signal.
     for signal in (0.05, 0.25):
         expected = 0.01**2 + 0.001 * signal
@@ -183,7 +183,7 @@ def test_the_capture_file_may_be_named_itself(folder):
     folder.save()
     by_folder, by_file = matest.load_capture(folder.path), matest.load_capture(str(folder.file))
     assert by_folder.name == by_file.name == folder.path.name
-    np.testing.assert_array_equal(by_folder.stored[0], by_file.stored[0])
+    np.testing.assert_array_equal(by_folder.photographs.stored[0], by_file.photographs.stored[0])
 
 
 @pytest.mark.parametrize("path", [".", "capture.toml", "../{name}", "../{name}/capture.toml"])
@@ -219,11 +219,11 @@ def test_progress_counts_the_images(folder):
 
 def test_pixels_beyond_the_memory_budget_are_the_same(folder, monkeypatch):
     in_memory = folder.load()
-    monkeypatch.setattr("matest.capture.capture._MEMORY_BUDGET", 1)
+    monkeypatch.setattr("matest.photographs.storage.MEMORY_BUDGET", 1)
     spilled = folder.load()
     for k in range(2):
-        assert isinstance(spilled.stored[k], np.memmap)
-        np.testing.assert_array_equal(spilled.stored[k], in_memory.stored[k])
+        assert isinstance(spilled.photographs.stored[k], np.memmap)
+        np.testing.assert_array_equal(spilled.photographs.stored[k], in_memory.photographs.stored[k])
 
 
 def test_an_exr_capture_equals_the_same_values_in_npy(folder):
@@ -246,5 +246,5 @@ def test_a_saturated_photograph_does_not_disturb_the_noise_estimate(folder):
         table["file"] = table["file"].replace("npy", "png")
         folder.put(table["file"], np.round(65535 * noisy).astype(np.uint16))
     folder.tables["encoding"] = {"transfer": "linear"}
-    noise = folder.load().noise
+    noise = folder.load().photographs.noise
     assert noise.read**2 + noise.gain * 0.5 == pytest.approx(0.01**2, rel=0.3)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +15,9 @@ from matest.brdf import Brdf, CookTorrance, Lambert, OrenNayar, TorranceSparrow
 from matest.capture import Capture
 from matest.estimation.estimate import estimate
 from matest.estimation.result import Estimate, load_material
-from matest.photographs.photometry import Encoding, Noise
-from tests.captures import directional, refusal
+from matest.photographs.noise import Noise
+from matest.photographs.photometry import Encoding
+from tests.captures import changed, directional, refusal
 from tests.estimates import FIXED, LOST, SIGMA, clay
 from tests.sampling import random_pairs
 from tests.simulated import Studio, coloured
@@ -196,9 +196,9 @@ def test_a_body_beside_another_moves_nothing_but_what_is_seen() -> None:
 
 def test_images_without_a_value_inside_the_range_are_refused() -> None:
     white = captured(Lambert(0.6))
-    white = replace(
+    white = changed(
         white,
-        stored=tuple(np.full_like(image, 255, dtype=np.uint8) for image in white.stored),
+        stored=tuple(np.full_like(image, 255, dtype=np.uint8) for image in white.photographs.stored),
         encoding=Encoding(saturation=1.0),
     )
     assert "another exposure" in refusal(lambda: estimate(white, "oren-nayar"))
@@ -206,7 +206,7 @@ def test_images_without_a_value_inside_the_range_are_refused() -> None:
 
 def test_a_model_that_gives_nothing_finite_is_refused() -> None:
     broken = captured(Lambert(0.6))
-    broken = replace(broken, noise=Noise(math.nan, math.nan))
+    broken = changed(broken, noise=Noise(math.nan, math.nan))
     assert "not finite" in refusal(lambda: estimate(broken, "lambert"))
 
 

@@ -12,8 +12,9 @@ from matest.benchmark.instruments.trial import trial
 from matest.benchmark.suites.outliers import SPOILT
 from matest.brdf import CookTorrance, Lambert, LiTorrance, OrenNayar
 from matest.capture import Capture
-from matest.photographs.photometry import Encoding, Noise
-from tests.captures import directional
+from matest.photographs.noise import Noise
+from matest.photographs.photometry import Encoding
+from tests.captures import changed, directional
 from tests.simulated import CAMERA, DIRECTIONS, Studio
 
 STUDIO = Studio(size=64, lights=tuple((directional(towards, 3.0),) for towards in DIRECTIONS))
@@ -28,15 +29,15 @@ def integers(bits: int, saturation: float, outliers: float, seed: int) -> Captur
     full = 2**bits - 1
     rng = np.random.default_rng(seed)
     stored = []
-    for pixels in capture.stored:
+    for pixels in capture.photographs.stored:
         values = np.round(full * np.clip(pixels, 0, 1))
         spoilt = rng.random(len(values)) < outliers
         values[spoilt] = rng.integers(0, full + 1, (int(spoilt.sum()), values.shape[1]))
         stored.append(values.astype(np.uint8 if bits == 8 else np.uint16))
     # Rounding adds to the noise that is stated.
     noise = dataclasses.replace(CAMERA, read=float(np.hypot(CAMERA.read, 1 / full / np.sqrt(12))))
-    return dataclasses.replace(
-        capture, stored=tuple(stored), encoding=Encoding(saturation=saturation), noise=noise, noise_given=True
+    return changed(
+        capture, stored=tuple(stored), encoding=Encoding(saturation=saturation), noise=noise, noise_stated=True
     )
 
 
@@ -79,20 +80,20 @@ def test_a_model_that_misses_everything_says_so() -> None:
 
 def test_one_photograph_of_something_else_is_named() -> None:
     capture = STUDIO.photograph(TRUTH, seed=1)
-    black = [pixels.copy() for pixels in capture.stored]
+    black = [pixels.copy() for pixels in capture.photographs.stored]
     black[3][:] = 0
-    spoilt = matest.estimate(dataclasses.replace(capture, stored=tuple(black)), "cook-torrance", fix=FIX)
+    spoilt = matest.estimate(changed(capture, stored=tuple(black)), "cook-torrance", fix=FIX)
     assert any(f"Without image 3 ({capture.names[3]})" in warning for warning in spoilt.warnings)
     # Of three too, where the rest is far from linear.
     three = Studio(size=64, lights=STUDIO.lights[:3]).photograph(OrenNayar(0.7, 0.6), seed=1)
-    black = [three.stored[0], np.zeros_like(three.stored[1]), three.stored[2]]
-    spoilt = matest.estimate(dataclasses.replace(three, stored=tuple(black)), "oren-nayar")
+    black = [three.photographs.stored[0], np.zeros_like(three.photographs.stored[1]), three.photographs.stored[2]]
+    spoilt = matest.estimate(changed(three, stored=tuple(black)), "oren-nayar")
     assert any("Without image 1" in warning for warning in spoilt.warnings)
     # A model that fits none of them is not an image's fault, nor is noise that is overstated.
     wrong = matest.estimate(capture, "lambert")
     assert wrong.fit.reduced_chi2 > 1.5
     few = Studio(size=64, lights=STUDIO.lights[-3:]).photograph(OrenNayar(0.6, 0.5), seed=1)
-    loud = dataclasses.replace(few, noise=Noise(0.01, 0.002))
+    loud = changed(few, noise=Noise(0.01, 0.002))
     for found in (wrong, matest.estimate(few, "lambert"), matest.estimate(loud, "lambert")):
         assert not any("Without" in warning for warning in found.warnings)
 

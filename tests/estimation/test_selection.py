@@ -12,7 +12,7 @@ from matest.estimation.estimate import estimate
 from matest.estimation.options import Options
 from matest.estimation.result import Candidate
 from matest.estimation.selection import CANDIDATES, select
-from matest.photographs.photometry import Noise
+from matest.photographs.noise import Noise
 from tests.captures import directional, refusal
 from tests.simulated import Studio
 

@@ -16,7 +16,7 @@ from matest.estimators import Problem, accumulate
 from matest.estimators.basis import TangentBasis
 from matest.estimators.moments import SCORES
 from matest.estimators.statistics import Statistics
-from matest.photographs.photometry import Noise
+from matest.photographs.noise import Noise
 from matest.photographs.samples import PhotographSamples
 from matest.samples import Batch, Tile
 from matest.shading import shade
@@ -126,7 +126,7 @@ def test_steep_facets_under_two_lights_are_shaded_as_the_shader_does() -> None:
     # Above 38 degrees the direct term turns negative near forward double grazing, where the model is cut at zero.
     lights = ((directional((0.35, 0.0, -0.93), 3.0), directional((0.9, 0.3, 0.3), 1.0)),)
     pixels = Studio(size=128, lights=lights).photograph(MODELS["lambert"](albedo=0.5)).samples(dtype=torch.float64)
-    batch = pixels.at(0, np.arange(len(pixels.capture.scene.surface)))
+    batch = pixels.at(0, np.arange(len(pixels.photographs.scene.surface)))
     chosen = problem("oren-nayar")
     unknowns = torch.tensor([0.1, 1.3], dtype=torch.float64)
     lit = (batch.points.wi[:, :, 2] > 0).all(1)

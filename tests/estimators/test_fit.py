@@ -181,7 +181,7 @@ def test_steps_that_are_not_looked_at_end_where_small_ones_do(
     # Outliers and saturated pixels: many expansions, each far from the last.
     drawn = draw(expression, seed)
     samples = drawn.photograph(SPOILT).samples()
-    chosen = problem(expression, channels=samples.capture.channels)
+    chosen = problem(expression, channels=samples.channels)
     batches = samples.pilot(24_000, seed=0)
     found = fit_batches(chosen, batches)
     monkeypatch.setattr(importlib.import_module("matest.estimators.fit"), "_FREE", 0.0)

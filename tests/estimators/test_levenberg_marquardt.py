@@ -18,7 +18,7 @@ from matest.estimators.levenberg_marquardt import Evaluate, minimise
 from matest.estimators.moments import SCORES
 from matest.estimators.search import search
 from matest.estimators.statistics import Statistics
-from matest.photographs.photometry import Noise
+from matest.photographs.noise import Noise
 from tests.problems import information, problem, quadratic
 from tests.simulated import Studio, coloured
 

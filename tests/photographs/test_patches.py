@@ -11,8 +11,9 @@ import torch
 from matest.brdf import CookTorrance, OrenNayar
 from matest.estimators import Problem, accumulate
 from matest.estimators.moments import SCORES
+from matest.photographs.noise import Noise
 from matest.photographs.patches import Patches
-from matest.photographs.photometry import Encoding, Noise
+from matest.photographs.photometry import Encoding
 from matest.photographs.samples import PhotographSamples
 from matest.photographs.squares import (
     NINE,
@@ -139,11 +140,9 @@ def test_merged_pixels_say_what_single_ones_do(expression: str) -> None:
 def test_a_spoilt_pixel_leaves_its_patch_single_and_those_around_it_to_themselves() -> None:
     chosen = samples()
     middle = Patches(chosen).layout.patches[:, NINE * (Patches(chosen).layout.quilts.shape[1] // 2)]
-    stored = [image.copy() for image in chosen.capture.stored]
+    stored = [image.copy() for image in chosen.photographs.stored]
     stored[0][middle[5]] = 0.9 * stored[0].max()
-    spoilt = PhotographSamples(
-        replace(chosen.capture, stored=tuple(stored)), chosen.images, chosen.dtype, chosen.device
-    )
+    spoilt = replace(chosen.photographs, stored=tuple(stored)).samples(chosen.images)
     before, after = (Patches(some).tile(0, 0) for some in (chosen, spoilt))
     assert after.merged is not None
     assert before.merged is not None
@@ -154,7 +153,7 @@ def test_a_spoilt_pixel_leaves_its_patch_single_and_those_around_it_to_themselve
 
 def test_saturated_pixels_stay_single() -> None:
     studio = Studio(size=SIZE, lights=coloured())
-    bright = studio.photograph(MATERIALS["cook-torrance"], seed=0)
+    bright = studio.photograph(MATERIALS["cook-torrance"], seed=0).photographs
     stored = tuple(np.round(65535 * image.clip(0, 1)).astype(np.uint16) for image in 4 * np.stack(bright.stored))
     capture = replace(bright, stored=stored, encoding=Encoding(saturation=1.0), exposures=(4.0,) * len(stored))
     chosen = replace(capture, noise=Noise(0.008, 0.002)).samples()
@@ -171,17 +170,16 @@ def test_saturated_pixels_stay_single() -> None:
 
 def test_creases_and_noisy_normals_are_not_smooth() -> None:
     chosen = samples()
-    surface = chosen.capture.scene.surface
+    surface = chosen.photographs.scene.surface
     generator = torch.Generator().manual_seed(0)
     noisy = surface.normals + 0.003 * torch.randn(surface.normals.shape, generator=generator, dtype=torch.float64)
     columns = surface.pixels % SIZE
     creased = surface.normals.clone()
     creased[torch.from_numpy(columns > SIZE // 2)] = torch.tensor([0.6, 0.0, 0.8], dtype=torch.float64)
     for normals, smooth in ((noisy, False), (creased, True)):
-        scene = replace(chosen.capture.scene, surface=replace(surface, normals=normals / normals.norm(dim=-1)[:, None]))
-        found = Patches(
-            PhotographSamples(replace(chosen.capture, scene=scene), chosen.images, chosen.dtype, chosen.device)
-        )
+        bent = replace(surface, normals=normals / normals.norm(dim=-1)[:, None])
+        scene = replace(chosen.photographs.scene, surface=bent)
+        found = Patches(replace(chosen.photographs, scene=scene).samples(chosen.images))
         assert bool(found.layout.patches.size) == smooth
         across = columns[found.layout.patches]
         assert not ((across <= SIZE // 2).any(0) & (across > SIZE // 2).any(0)).any()

@@ -110,7 +110,7 @@ def test_positions_of_some_images_are_counted_within_them() -> None:
     chosen = Studio(size=32).photograph(Lambert(0.5), seed=0).samples([4, 1])
     batches = pilot(chosen, 512, seed=0)
     assert labels(batches) == [0, BLOCKS]
-    toward = chosen.capture.scene.lights[4][0].direction
+    toward = chosen.photographs.scene.lights[4][0].direction
     assert float(batches[0].points.wi[0, 0] @ batches[0].points.wo[0]) == pytest.approx(float(toward[2]), abs=1e-6)
 
 

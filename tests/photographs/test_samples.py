@@ -9,8 +9,9 @@ import torch
 import trimesh
 
 from matest.brdf import Lambert
-from matest.capture import Capture
-from matest.photographs.photometry import Encoding, Noise
+from matest.photographs.noise import Noise
+from matest.photographs.photographs import Photographs
+from matest.photographs.photometry import Encoding
 from matest.photographs.pixels import BLOCKS
 from matest.samples import Tile
 from matest.scene import Camera, Mesh, Scene
@@ -26,7 +27,7 @@ MIXED = ((LEFT,), (RIGHT, NEAR), ())
 MIXED_AMBIENT = (0.0, 0.0, 0.2)
 
 
-def photograph(scene: Scene, full: int | None = None, **changes: object) -> Capture:
+def photograph(scene: Scene, full: int | None = None, **changes: object) -> Photographs:
     """Photographs of the scene made of `MATERIAL`: floats, or integers up to `full` = radiance 1."""
     images = render(scene, MATERIAL, dtype=torch.float64).numpy()
     stored = images.reshape(len(scene), -1, scene.channels)[:, scene.surface.pixels]
@@ -34,18 +35,17 @@ def photograph(scene: Scene, full: int | None = None, **changes: object) -> Capt
         stored = stored.astype(np.float32)
     else:
         stored = np.round(full * stored).clip(0, full).astype(np.uint8 if full == 255 else np.uint16)
-    capture = Capture(
-        name="synthetic",
+    photographs = Photographs(
         scene=scene,
         stored=tuple(stored),
         encoding=Encoding(),
         exposures=(1.0,) * len(scene),
         noise=Noise(0.001, 0.0001),
-        noise_given=True,
+        noise_stated=True,
         relative=False,
-        files=(),
+        names=tuple(f"image {number}" for number in range(len(scene))),
     )
-    return dataclasses.replace(capture, **changes)
+    return dataclasses.replace(photographs, **changes)
 
 
 def sphere_scene(lights=MIXED, ambient=MIXED_AMBIENT, size: int = 32) -> Scene:

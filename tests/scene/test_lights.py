@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -63,3 +64,39 @@ def test_unit_direction_normalises():
 def test_to_converts_every_tensor(light):
     positions = torch.zeros(1, 3, dtype=torch.float32)
     assert [value.dtype for value in light.to(torch.float32, "cpu").at(positions)] == [torch.float32] * 2
+
+
+POSITIONS = torch.tensor([[0.0, 0.0, 0.0], [3.0, 0.0, -2.0]], dtype=torch.float64)
+
+
+def test_only_a_point_light_needs_positions_and_is_at_a_finite_distance():
+    distant, lamp = directional((0.0, 0.6, 0.8)), point((0.0, 0.0, 2.0))
+    assert (distant.near, lamp.near) == (False, True)
+    assert distant.distance(POSITIONS).tolist() == [math.inf]
+    assert lamp.distance(POSITIONS).tolist() == [2.0, 5.0]
+
+
+def test_the_power_of_a_light_is_what_its_file_states():
+    assert directional((0.0, 0.6, 0.8), 1.0, 2.0).power.tolist() == [1.0, 2.0]
+    assert point((0.0, 0.0, 2.0), 3.0, 4.0).power.tolist() == [3.0, 4.0]
+
+
+@pytest.mark.parametrize("light", [directional((0.0, 0.6, 0.8), 1.0, 2.0), point((0.0, 0.6, 0.8), 1.0, 2.0)])
+def test_one_channel_of_a_light_lights_as_that_channel_did(light):
+    direction, power = light.at(POSITIONS)
+    narrowed = light.channel(1).at(POSITIONS)
+    torch.testing.assert_close(narrowed[0], direction, rtol=0, atol=0)
+    torch.testing.assert_close(narrowed[1], power[:, 1:], rtol=0, atol=0)
+
+
+def test_lights_are_the_same_only_if_everything_stated_of_them_is():
+    distant, lamp = directional((0.0, 0.6, 0.8), 1.0), point((0.0, 0.6, 0.8), 1.0)
+    for light in (distant, lamp):
+        assert light.same_as(replace(light))
+        assert not light.same_as(replace(light, solid_angle=0.1))
+    assert not distant.same_as(lamp)
+    assert not lamp.same_as(distant)
+    assert not distant.same_as(directional((0.0, 0.8, 0.6), 1.0))
+    assert not distant.same_as(directional((0.0, 0.6, 0.8), 2.0))
+    assert not lamp.same_as(point((0.0, 0.6, 0.9), 1.0))
+    assert not lamp.same_as(point((0.0, 0.6, 0.8), 2.0))

@@ -41,7 +41,7 @@ OTHERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "batch-size": ("batch_size", lambda path: train(start(), 4, batch_size=SIZE + 1, checkpoint=path)),
     "seed": ("seed", lambda path: train(start(), 4, seed=9, checkpoint=path)),
     "photographs": ("set of samples", lambda path: elsewhere(STUDIO.photograph(TRUTH, seed=2).samples(), path)),
-    "images": ("set of samples", lambda path: elsewhere(SAMPLES.capture.samples([0, 1]), path)),
+    "images": ("set of samples", lambda path: elsewhere(SAMPLES.photographs.samples([0, 1]), path)),
     "lights": (
         "set of samples",
         lambda path: elsewhere(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 from zlib import crc32
 
 import numpy as np
@@ -14,7 +13,9 @@ import trimesh
 
 from matest.brdf import Brdf, model
 from matest.capture import Capture
-from matest.photographs.photometry import Encoding, Noise, quantisation
+from matest.photographs.noise import Noise
+from matest.photographs.photographs import Photographs
+from matest.photographs.photometry import Encoding
 from matest.scene import DirectionalLight, Scene, Surface
 from matest.scene.camera import Camera
 from matest.scene.mesh import Mesh
@@ -114,18 +115,18 @@ class Draw:
         return self._capture(tuple(stored), encoding, conditions)
 
     def _capture(self, stored: tuple[np.ndarray, ...], encoding: Encoding, conditions: Conditions) -> Capture:
-        rounding = quantisation(encoding, np.dtype(np.uint8 if conditions.bits == 8 else np.uint16))
-        return Capture(
-            name=f"{self.material.expression} {self.seed}",
+        dtype = np.dtype(np.uint8 if conditions.bits == 8 else np.uint16)
+        photographs = Photographs(
             scene=self.scene,
             stored=stored,
             encoding=encoding,
             exposures=(1.0,) * len(stored),
-            noise=Noise(float(np.hypot(self.noise.read, rounding)), self.noise.gain),
-            noise_given=True,
+            noise=self.noise.with_rounding(encoding, dtype),
+            noise_stated=True,
             relative=False,
-            files=tuple(Path(f"{number:02d}.png") for number in range(len(stored))),
+            names=tuple(f"{number:02d}.png" for number in range(len(stored))),
         )
+        return Capture(f"{self.material.expression} {self.seed}", photographs)
 
 
 def draw(expression: str, seed: int) -> Draw:

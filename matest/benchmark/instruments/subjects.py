@@ -22,7 +22,7 @@ from matest.estimation.specification import specify
 from matest.estimators import Problem, accumulate
 from matest.estimators.covariance import fisher
 from matest.identifiability.forecast import unknowns_at
-from matest.photographs.photometry import Noise
+from matest.photographs.noise import Noise
 from matest.scene import DirectionalLight, Points, Scene, Surface
 from matest.shading import render_image, shade
 

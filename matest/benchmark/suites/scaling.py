@@ -21,7 +21,7 @@ from matest.benchmark.suites import limits
 from matest.benchmark.tables import by_case, figure, notes, ruled
 from matest.brdf import model
 from matest.capture import Capture
-from matest.photographs.photometry import Noise
+from matest.photographs.noise import Noise
 from matest.scene import DirectionalLight, Scene
 from matest.scene.surface import from_sphere
 from matest.shading import render_image
@@ -129,14 +129,15 @@ def photographs(expression: str, truth: Values, *, images: int, side: int) -> Ca
 
 def every(capture: Capture, step: int) -> Capture:
     """Every `step`-th photograph of a capture, so that the lights stay on all sides."""
-    scene = replace(capture.scene, lights=capture.scene.lights[::step], ambient=capture.scene.ambient[::step])
-    return replace(
-        capture,
-        scene=scene,
-        stored=capture.stored[::step],
-        exposures=capture.exposures[::step],
-        files=capture.files[::step],
+    whole = capture.photographs
+    photographs = replace(
+        whole,
+        scene=replace(whole.scene, lights=whole.scene.lights[::step], ambient=whole.scene.ambient[::step]),
+        stored=whole.stored[::step],
+        exposures=whole.exposures[::step],
+        names=whole.names[::step],
     )
+    return replace(capture, photographs=photographs)
 
 
 def _shortest(capture: Capture, expression: str, held: Values, rounds: int) -> tuple[float, int]:

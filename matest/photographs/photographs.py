@@ -1,0 +1,84 @@
+"""Photographs of a scene: pixels as a camera stored them, and what they say of radiance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+
+from matest.photographs import storage
+from matest.photographs.noise import Noise
+from matest.photographs.photometry import Encoding
+from matest.photographs.redundant import redundancy, without_copies
+from matest.photographs.samples import PhotographSamples
+from matest.scene import Scene
+
+
+@dataclass(frozen=True)
+class Photographs:
+    """Photographs with their geometry and light; only the object's pixels are kept, as stored.
+
+    Attributes:
+        scene: surface, lights, shadows.
+        stored: per image the object's pixels [N, C], integers or floats as in the file.
+        encoding: from pixels to radiance.
+        exposures: per image.
+        noise: of the camera, stated or estimated from the images.
+        noise_stated: whether it is stated.
+        relative: True when the common scale of the lights is unknown.
+        names: of the images, as people know them.
+    """
+
+    scene: Scene
+    stored: tuple[np.ndarray, ...]
+    encoding: Encoding
+    exposures: tuple[float, ...]
+    noise: Noise
+    noise_stated: bool
+    relative: bool
+    names: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.stored)
+
+    @property
+    def channels(self) -> int:
+        return self.stored[0].shape[1]
+
+    def radiance(self, image: int, index: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """Measured radiance [n, C] of object pixels, float32."""
+        stored = self.stored[image]
+        chosen = stored[index] if isinstance(index, slice) else np.take(stored, index, axis=0)
+        return self.encoding.signal(chosen, index, self.encoding.scale / self.exposures[image])
+
+    def release(self, image: int) -> None:
+        """Give back the memory of an image's pixels where they lie in a temporary file too."""
+        storage.release(self.stored[image])
+
+    def samples(
+        self,
+        images: Iterable[int] | None = None,
+        *,
+        distinct: bool = False,
+        every_channel: bool = False,
+        dtype: torch.dtype = torch.float32,
+        device: torch.device | str = "cpu",
+    ) -> PhotographSamples:
+        """Geometry and photometry of every lit pixel, tile by tile.
+
+        Args:
+            images: whose pixels; None: all.
+            distinct: leave out images and channels that add nothing to the others; the samples' `redundancy` names
+                them.
+            every_channel: keep, of `distinct` samples, channels that are copies all the same.
+            dtype, device: of the tensors.
+        """
+        chosen = tuple(range(len(self))) if images is None else tuple(images)
+        if not distinct:
+            return PhotographSamples(self, chosen, dtype, device)
+        photographs = self if every_channel else without_copies(self)
+        redundant = replace(redundancy(photographs, chosen), channels=self.channels - photographs.channels)
+        kept = tuple(image for image in chosen if image not in redundant.images)
+        return PhotographSamples(photographs, kept, dtype, device, redundant)
