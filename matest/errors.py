@@ -1,9 +1,12 @@
-"""The one exception that means: what the user handed in cannot be used as it is."""
+"""The one exception that means: what the user handed in cannot be used as it is. And the exit codes of commands."""
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+
+WORK_FAILED = 1  # the input is good, but could not be worked on: a full disk, an interruption, a figure out of bounds
+BAD_INPUT = 2  # as for a command line that cannot be read
 
 
 class InputError(ValueError):

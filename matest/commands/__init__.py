@@ -1,1 +1,16 @@
-"""The commands of `matest`, one file each, and what they share: arguments and console."""
+"""The commands of `matest`, one file each, and what they share: arguments and console.
+
+The file of a command has a function of the same name, whose signature and docstring are arguments and help, and an
+`EXAMPLE` to end the help with. Packages that take long to import are imported inside the function.
+"""
+
+# In the order of `matest --help`.
+COMMANDS = (
+    "check",
+    "benchmark",
+    "estimate",
+    "predict",
+    "render",
+    "compare",
+    "models",
+)

@@ -8,6 +8,9 @@ import typer
 
 from matest.commands import arguments
 from matest.commands.console import console, print_json, progress
+from matest.errors import WORK_FAILED
+
+EXAMPLE = "matest benchmark --suite stress --quick"
 
 
 def benchmark(
@@ -68,4 +71,4 @@ def benchmark(
         failed = worse(figures, found)
         console(stderr=as_json).print(gate_table(figures, failed))
         if failed:
-            raise typer.Exit(1)
+            raise typer.Exit(WORK_FAILED)

@@ -10,6 +10,8 @@ import typer
 from matest.commands import arguments
 from matest.commands.console import console, print_json, progress
 
+EXAMPLE = "matest check renders/vase --model oren-nayar --at sigma=0.5"
+
 
 def check(
     capture: Annotated[Path, typer.Argument(metavar="CAPTURE", help="Folder with a capture.toml, or a scene.toml.")],

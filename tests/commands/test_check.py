@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from matest import cli
 from tests import scenes
+from tests.commands.conftest import Run
 
 PLANNED = """[geometry]
 shape = "sphere"
@@ -25,19 +25,10 @@ lights = [ { direction = [0, 0, 1], irradiance = 3.0 } ]
 
 
 @pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]):
-    """Run `matest check ARGUMENTS` in this process: exit code, standard output, standard error."""
+def run(run: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Run `matest check ARGUMENTS` at eighty columns."""
     monkeypatch.setenv("COLUMNS", "80")
-
-    def invoke(*arguments: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["matest", "check", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        out, err = capfd.readouterr()
-        code = ended.value.code
-        return (0 if code is None else int(code)), out, err
-
-    return invoke
+    return partial(run, "check")
 
 
 @pytest.fixture
@@ -47,7 +38,7 @@ def planned(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_photographs_not_yet_taken_are_checked(run, planned: Path) -> None:
+def test_photographs_not_yet_taken_are_checked(run: Run, planned: Path) -> None:
     code, out, err = run(planned, "--model", "cook-torrance")
     assert (code, err) == (0, "")
     told = " ".join(out.split())
@@ -58,19 +49,19 @@ def test_photographs_not_yet_taken_are_checked(run, planned: Path) -> None:
     assert max(len(line) for line in out.splitlines()) <= 80
 
 
-def test_a_check_without_a_model_says_which_one_it_takes(run, planned: Path) -> None:
+def test_a_check_without_a_model_says_which_one_it_takes(run: Run, planned: Path) -> None:
     out = run(planned)[1]
     assert "No model was named: oren-nayar+cook-torrance is the largest" in " ".join(out.split())
 
 
-def test_sums_with_long_names_fit_eighty_columns(run, planned: Path) -> None:
+def test_sums_with_long_names_fit_eighty_columns(run: Run, planned: Path) -> None:
     code, out, _ = run(planned)
     assert code == 0
     assert "cook-torrance.specular" in out
     assert max(len(line) for line in out.splitlines()) <= 80
 
 
-def test_json_holds_the_whole_check(run, planned: Path) -> None:
+def test_json_holds_the_whole_check(run: Run, planned: Path) -> None:
     code, out, _ = run(planned, "--model", "oren-nayar", "--at", "sigma=0.4", "--noise", "0.004,0", "--json")
     assert code == 0
     content = json.loads(out)
@@ -86,7 +77,7 @@ def test_json_holds_the_whole_check(run, planned: Path) -> None:
     assert light["std"]["sigma"] < content["parameters"]["sigma"]["std"]
 
 
-def test_a_scene_brings_its_own_model_and_values(run, tmp_path: Path) -> None:
+def test_a_scene_brings_its_own_model_and_values(run: Run, tmp_path: Path) -> None:
     material = scenes.material("oren-nayar", albedo=0.6, sigma=0.45)
     file = scenes.write(tmp_path, material, scenes.sphere(48), scenes.noise(), scenes.distant(scenes.LIGHTS[:2]))
     content = json.loads(run(file, "--json")[1])
@@ -107,7 +98,7 @@ def test_a_scene_brings_its_own_model_and_values(run, tmp_path: Path) -> None:
         (("--noise", "0,0"), "both zero"),
     ],
 )
-def test_bad_input_is_refused_in_one_sentence(run, planned: Path, options: tuple[str, ...], expected: str) -> None:
+def test_bad_input_is_refused_in_one_sentence(run: Run, planned: Path, options: tuple[str, ...], expected: str) -> None:
     code, out, err = run(planned, *options)
     assert code == 2
     assert out == ""
@@ -115,7 +106,7 @@ def test_bad_input_is_refused_in_one_sentence(run, planned: Path, options: tuple
     assert err.count("\n") == 1
 
 
-def test_a_capture_of_which_a_photograph_is_missing_is_refused(run, planned: Path) -> None:
+def test_a_capture_of_which_a_photograph_is_missing_is_refused(run: Run, planned: Path) -> None:
     (planned / "capture.toml").write_text(PLANNED + '[[image]]\nfile = "there.npy"\n', "utf-8")
     np.save(planned / "there.npy", np.ones((48, 48, 1), np.float32))
     code, _, err = run(planned)
@@ -123,7 +114,7 @@ def test_a_capture_of_which_a_photograph_is_missing_is_refused(run, planned: Pat
     assert "later.png" in err
 
 
-def test_a_plan_that_does_not_say_how_large_its_images_are_is_refused(run, planned: Path) -> None:
+def test_a_plan_that_does_not_say_how_large_its_images_are_is_refused(run: Run, planned: Path) -> None:
     (planned / "capture.toml").write_text(PLANNED.replace("resolution = [48, 48]", ""), "utf-8")
     code, _, err = run(planned)
     assert code == 2

@@ -1,4 +1,4 @@
-"""The command as people and scripts use it."""
+"""`matest estimate` as people and scripts use it."""
 
 from __future__ import annotations
 
@@ -13,41 +13,9 @@ import cv2
 import numpy as np
 import pytest
 
-from matest import cli
-from matest.simulate import simulate
-from tests import scenes
+from tests.commands.conftest import Run
 
-ROOT = Path(__file__).parents[1]
-
-
-@pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]):
-    """Run `matest ARGUMENTS` in this process: exit code, standard output, standard error."""
-
-    def invoke(*arguments: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["matest", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        out, err = capfd.readouterr()
-        code = ended.value.code
-        return (0 if code is None else int(code)), out, err
-
-    return invoke
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A small capture of an Oren-Nayar ball."""
-    folder = tmp_path_factory.mktemp("made")
-    material = scenes.material("oren-nayar", albedo=[0.6, 0.5, 0.4], sigma=0.4)
-    scenes.write(folder / "scene", material, scenes.sphere(64), scenes.noise(), scenes.distant(scenes.LIGHTS[:3]))
-    return simulate(folder / "scene", folder / "ball")
-
-
-@pytest.fixture
-def capture(made: Path, tmp_path: Path) -> Path:
-    """A copy of it to spoil."""
-    return Path(shutil.copytree(made, tmp_path / "ball"))
+ROOT = Path(__file__).parents[2]
 
 
 def edit(folder: Path, old: str, new: str) -> None:
@@ -57,7 +25,7 @@ def edit(folder: Path, old: str, new: str) -> None:
     file.write_text(text.replace(old, new, 1), "utf-8")
 
 
-def test_estimate_writes_a_complete_result_folder(run, capture: Path) -> None:
+def test_estimate_writes_a_complete_result_folder(run: Run, capture: Path) -> None:
     code, out, _ = run("estimate", capture, "--model", "oren-nayar")
     assert code == 0
     assert "sigma" in out
@@ -75,36 +43,14 @@ def test_estimate_writes_a_complete_result_folder(run, capture: Path) -> None:
     assert sum(skipped.values()) + content["fit"]["samples"] == 3 * 64 * 64
 
 
-def test_tables_fit_an_eighty_column_terminal(run, capture: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("COLUMNS", "80")
-    for arguments in (("estimate", capture, "--model", "oren-nayar"), ("models",)):
-        _, out, _ = run(*arguments)
-        assert max(len(line.rstrip()) for line in out.splitlines() if str(capture) not in line) <= 80
-
-
-def test_estimate_predict_compare_work_in_a_row(run, capture: Path, tmp_path: Path) -> None:
-    assert run("estimate", capture, "--model", "oren-nayar", "-o", tmp_path / "result")[0] == 0
-    code, out, _ = run("predict", tmp_path / "result", capture, "-o", tmp_path / "prediction", "--json")
-    assert code == 0
-    assert max(json.loads(out)["relative_rmse"].values()) < 0.1
-    images = [tmp_path / "prediction" / "00.exr", tmp_path / "prediction" / "01.exr"]
-    code, out, _ = run("compare", *images, "--row", 32, "-o", tmp_path / "section", "--json")
-    assert code == 0
-    rows = json.loads(out)["images"]
-    assert rows[0]["rms"] == 0
-    assert rows[1]["rms"] > 0.01
-    assert (tmp_path / "section.png").stat().st_size > 5000
-    assert len((tmp_path / "section.csv").read_text("utf-8").splitlines()) == 65
-
-
-def test_json_on_standard_output_is_the_result_file(run, capture: Path) -> None:
+def test_json_on_standard_output_is_the_result_file(run: Run, capture: Path) -> None:
     code, out, err = run("estimate", capture, "--model", "lambert", "--json")
     assert code == 0
     assert err == ""
     assert json.loads(out) == json.loads((capture / "matest" / "result.json").read_text("utf-8"))
 
 
-def test_several_captures_go_to_folders_of_their_names(run, capture: Path, tmp_path: Path) -> None:
+def test_several_captures_go_to_folders_of_their_names(run: Run, capture: Path, tmp_path: Path) -> None:
     other = Path(shutil.copytree(capture, tmp_path / "other"))
     code, out, _ = run("estimate", capture, other, "--model", "lambert", "-o", tmp_path / "out")
     assert code == 0
@@ -113,7 +59,7 @@ def test_several_captures_go_to_folders_of_their_names(run, capture: Path, tmp_p
     assert "relative rms error" in out
 
 
-def test_a_bad_capture_among_several_does_not_stop_the_others(run, capture: Path, tmp_path: Path) -> None:
+def test_a_bad_capture_among_several_does_not_stop_the_others(run: Run, capture: Path, tmp_path: Path) -> None:
     other = Path(shutil.copytree(capture, tmp_path / "other"))
     (other / "01.png").unlink()
     code, _, err = run("estimate", other, capture, "--model", "lambert", "-o", tmp_path / "out")
@@ -166,7 +112,9 @@ SPOILS = {
 
 
 @pytest.mark.parametrize("case", SPOILS)
-def test_bad_input_gets_one_sentence_exit_2_and_leaves_nothing(run, capture: Path, tmp_path: Path, case: str) -> None:
+def test_bad_input_gets_one_sentence_exit_2_and_leaves_nothing(
+    run: Run, capture: Path, tmp_path: Path, case: str
+) -> None:
     edit(capture, "[[image]]\n", "[[image]]\nexposure = 1.0\n")
     spoil, words = SPOILS[case]
     spoil(capture)
@@ -194,7 +142,7 @@ def test_bad_input_gets_one_sentence_exit_2_and_leaves_nothing(run, capture: Pat
         (("--device", "cuda:9"), ("cuda:9", "cpu")),
     ],
 )
-def test_bad_options_get_one_sentence_and_exit_2(run, capture: Path, arguments: tuple, words: tuple) -> None:
+def test_bad_options_get_one_sentence_and_exit_2(run: Run, capture: Path, arguments: tuple, words: tuple) -> None:
     code, _, err = run("estimate", capture, *arguments)
     assert code == 2
     assert len(err.strip().splitlines()) == 1
@@ -203,7 +151,7 @@ def test_bad_options_get_one_sentence_and_exit_2(run, capture: Path, arguments: 
     assert not (capture / "matest").exists()
 
 
-def test_a_folder_that_is_no_result_is_not_replaced(run, capture: Path, tmp_path: Path) -> None:
+def test_a_folder_that_is_no_result_is_not_replaced(run: Run, capture: Path, tmp_path: Path) -> None:
     precious = tmp_path / "precious"
     precious.mkdir()
     (precious / "thesis.txt").write_text("years of work", "utf-8")
@@ -213,7 +161,7 @@ def test_a_folder_that_is_no_result_is_not_replaced(run, capture: Path, tmp_path
     assert (precious / "thesis.txt").read_text("utf-8") == "years of work"
 
 
-def test_an_earlier_result_is_replaced_whole(run, capture: Path) -> None:
+def test_an_earlier_result_is_replaced_whole(run: Run, capture: Path) -> None:
     run("estimate", capture, "--model", "lambert")
     (capture / "matest" / "images" / "99_render.png").touch()
     assert run("estimate", capture, "--model", "oren-nayar")[0] == 0
@@ -222,7 +170,7 @@ def test_an_earlier_result_is_replaced_whole(run, capture: Path) -> None:
 
 
 @pytest.mark.parametrize("marker", ["{}", '{"schema": "matest.estimate/1"}'])
-def test_a_folder_with_other_things_in_it_is_not_an_earlier_result(run, capture: Path, marker: str) -> None:
+def test_a_folder_with_other_things_in_it_is_not_an_earlier_result(run: Run, capture: Path, marker: str) -> None:
     result = capture / "matest"
     result.mkdir()
     (result / "result.json").write_text(marker, "utf-8")
@@ -233,71 +181,19 @@ def test_a_folder_with_other_things_in_it_is_not_an_earlier_result(run, capture:
     assert (result / "notes.txt").read_text("utf-8") == "mine"
 
 
-def test_prediction_lies_beside_the_result_and_survives_the_next_estimate(run, capture: Path) -> None:
-    assert run("estimate", capture, "--model", "lambert")[0] == 0
-    assert run("predict", capture / "matest", capture)[0] == 0
-    assert (capture / "matest-predict-ball" / "00.exr").is_file()
-    assert run("estimate", capture, "--model", "lambert")[0] == 0
-    assert (capture / "matest-predict-ball" / "00.exr").is_file()
-
-
-def test_paths_with_dots_in_them_are_the_paths_they_lead_to(run, capture: Path, tmp_path: Path) -> None:
+def test_paths_with_dots_in_them_are_the_paths_they_lead_to(run: Run, capture: Path, tmp_path: Path) -> None:
     code, _, err = run("estimate", capture / ".." / "ball", "--model", "lambert", "-o", tmp_path / "out")
     assert (code, err) == (0, "")
 
 
-def test_a_constraint_narrows_what_auto_tries(run, capture: Path) -> None:
+def test_a_constraint_narrows_what_auto_tries(run: Run, capture: Path) -> None:
     code, out, _ = run("estimate", capture, "--fix", "sigma=0.4", "--json")
     assert code == 0
     tried = [candidate["model"] for candidate in json.loads(out)["candidates"]]
     assert tried == ["oren-nayar-qualitative", "oren-nayar", "oren-nayar+cook-torrance"]
 
 
-def test_a_material_of_other_channels_is_refused(run, capture: Path, tmp_path: Path) -> None:
-    grey = scenes.material("lambert", albedo=0.5)
-    lights = scenes.distant(scenes.LIGHTS[:2])
-    scenes.write(tmp_path / "grey", grey, scenes.sphere(64), lights)
-    simulate(tmp_path / "grey")
-    assert run("estimate", capture, "--model", "lambert")[0] == 0
-    code, _, err = run("predict", capture / "matest", tmp_path / "grey")
-    assert code == 2
-    assert "1 channel" in err
-
-
-def test_models_lists_the_catalogue(run) -> None:
-    from matest.brdf import MODELS
-
-    code, out, _ = run("models")
-    assert code == 0
-    assert all(name in out for name in MODELS)
-    listed = json.loads(run("models", "--json")[1])
-    assert listed["oren-nayar"]["parameters"]["sigma"]["unit"] == "rad"
-
-
-def test_help_loads_nothing_heavy() -> None:
-    heavy = "torch|cv2|trimesh|skimage|matplotlib|scipy|kornia|numpy"
-    code = (
-        "import sys, matest\n"
-        f"assert not [m for m in sys.modules if m.split('.')[0] in '{heavy}'.split('|')]\n"
-        "from matest.cli import main\n"
-        "sys.argv = ['matest', '--help']\n"
-        "try: main()\n"
-        "except SystemExit: pass\n"
-        f"assert not [m for m in sys.modules if m.split('.')[0] in '{heavy}'.split('|')]\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert "estimate" in done.stdout
-
-
-@pytest.mark.parametrize("command", ["estimate", "predict", "render", "compare", "models"])
-def test_every_command_has_help_with_an_example(run, command: str) -> None:
-    code, out, _ = run(command, "--help")
-    assert code == 0
-    assert f"Example: matest {command}" in out
-
-
-def test_real_photographs_give_honest_error_bars(run, tmp_path: Path) -> None:
+def test_real_photographs_give_honest_error_bars(run: Run, tmp_path: Path) -> None:
     data = ROOT.parent / "shared" / "data" / "gray_sphere"
     if not data.is_dir():
         pytest.skip("the photographs of the grey sphere are not here")
@@ -323,24 +219,7 @@ def test_progress_is_silent_in_a_pipe(capture: Path) -> None:
     assert done.stderr == ""
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("estimate",), "Missing argument 'CAPTURE...'; see 'matest estimate -h'."),
-        (("estimate", "x", "--modle", "lambert"), "No such option: --modle"),
-        (("estimate", "x", "--seed", "1.5"), "Invalid value for '--seed'"),
-        (("nope",), "No such command 'nope'; see 'matest -h'."),
-    ],
-)
-def test_a_command_that_cannot_be_read_is_refused_in_one_line(run, arguments: tuple[str, ...], words: str) -> None:
-    code, out, err = run(*arguments)
-    assert (code, out) == (2, "")
-    assert err.startswith("matest: ")
-    assert words in err
-    assert err.count("\n") == 1
-
-
-def test_what_is_no_capture_is_refused_before_the_folder_of_its_result(run, tmp_path: Path) -> None:
+def test_what_is_no_capture_is_refused_before_the_folder_of_its_result(run: Run, tmp_path: Path) -> None:
     (tmp_path / "README.md").write_text("words")
     (tmp_path / "matest").mkdir()
     (tmp_path / "matest" / "mine.txt").write_text("words")

@@ -1,0 +1,111 @@
+"""Captures to estimate, one or many: a job for each, and its outcome."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import matest
+from matest.capture import load_capture
+from matest.errors import BAD_INPUT, InputError
+from matest.estimation.estimate import estimate_with
+from matest.estimation.options import Options
+from matest.estimation.result import Estimate
+from matest.progress import Progress, silent
+from matest.report.folder import write_result
+
+
+@dataclass(frozen=True)
+class Job:
+    """One capture to estimate, with all that another process needs to do it.
+
+    Attributes:
+        capture: folder or file.
+        out: the result folder to write.
+        options: of the estimate.
+        root: folder that files of the capture may not leave; None: the capture's own.
+        command: the command line that the result names as its origin.
+    """
+
+    capture: Path
+    out: Path
+    options: Options
+    root: Path | None = None
+    command: str = ""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a job.
+
+    Attributes:
+        job: that was done.
+        estimate: as it was written; None where the capture cannot be used.
+        error: one sentence that says why; empty where there is an estimate.
+    """
+
+    job: Job
+    estimate: Estimate | None = None
+    error: str = ""
+
+    @property
+    def status(self) -> Literal["estimated", "bad input"]:
+        return "bad input" if self.estimate is None else "estimated"
+
+    @property
+    def exit_code(self) -> int:
+        """Of a command in which nothing worse happened."""
+        return BAD_INPUT if self.estimate is None else 0
+
+
+def jobs(captures: Sequence[Path], out: Path | None, options: Options, command: str = "") -> list[Job]:
+    """One job for each of some captures; one that is named twice has one.
+
+    Args:
+        captures: folders or files.
+        out: of a single capture its result folder, of several the parent of one named like each; None: `matest` in
+            the capture's folder.
+        options: of every estimate.
+        command: see `Job`.
+
+    Raises:
+        InputError: two results would go to one folder.
+    """
+    names = [capture_name(capture) for capture in captures]
+    if out is not None and len({*names}) < len(names):
+        raise InputError(f"two captures have the same name ({', '.join(sorted(names))}); estimate them one by one.")
+    # Captures of one command may share files that lie beside them.
+    root = Path(os.path.commonpath([capture.absolute() for capture in captures]))
+    root = root if root.is_dir() else root.parent
+    places = {
+        capture: _folder(capture) / "matest" if out is None else out / name if len(captures) > 1 else out
+        for capture, name in zip(captures, names, strict=True)
+    }
+    return [Job(capture, place, options, root, command) for capture, place in places.items()]
+
+
+def run(job: Job, progress: Progress = silent) -> Outcome:
+    """Estimate the capture of a job and write the result folder; bad input is an outcome, not an exception.
+
+    Raises:
+        OSError: the result cannot be written.
+    """
+    try:
+        capture = load_capture(job.capture, transfer=job.options.transfer, root=job.root, progress=progress)
+        estimate = estimate_with(capture, job.options, progress)
+        provenance = {"matest": matest.__version__, "command": job.command, "inputs": capture.digests()}
+        return Outcome(job, write_result(replace(estimate, provenance=provenance), capture, job.out, progress))
+    except InputError as error:
+        return Outcome(job, error=str(error))
+
+
+def capture_name(capture: Path) -> str:
+    """The name of a capture given by folder or by file: that of its folder."""
+    return os.path.basename(os.path.abspath(_folder(capture)))
+
+
+def _folder(capture: Path) -> Path:
+    return capture if capture.is_dir() else capture.parent

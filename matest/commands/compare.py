@@ -1,0 +1,81 @@
+"""The command `matest compare`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from matest.commands import arguments
+from matest.commands.console import console, print_json
+from matest.errors import InputError
+
+EXAMPLE = "matest compare truth/00.exr oren-nayar/00.exr lambert/00.exr --row 128 -o figure-13"
+
+
+def compare(
+    images: Annotated[list[Path], typer.Argument(metavar="A B...", help="Images; the first is the reference.")],
+    row: Annotated[int | None, typer.Option(help="Along this row (default: the middle one).")] = None,
+    column: Annotated[int | None, typer.Option(help="Along this column.")] = None,
+    line: Annotated[str | None, typer.Option(metavar="X0,Y0,X1,Y1", help="Along this line, pixel indices.")] = None,
+    out: Annotated[Path, typer.Option("-o", "--out", help="Stem of the plot OUT.png and the table OUT.csv.")] = Path(
+        "compare"
+    ),
+    as_json: arguments.Json = False,
+) -> None:
+    """Compare images along a cross-section.
+
+    Prints rms and maximum difference in brightness from the first image; writes a plot and a CSV file.
+    """
+    from matest import profiles
+    from matest.photographs.images import read_image
+    from matest.report.pictures import write_columns
+    from matest.report.plots import plot_profiles
+
+    if len(images) < 2:
+        raise InputError("compare needs two images or more; the first is the reference.")
+    pixels = [_as_fractions(read_image(path)) for path in images]
+    height, width = pixels[0].shape[:2]
+    section = profiles.middle_row((height, width))
+    if sum(option is not None for option in (row, column, line)) > 1:
+        raise InputError("give one of --row, --column and --line.")
+    if row is not None:
+        section = (0.0, float(row), width - 1.0, float(row))
+    elif column is not None:
+        section = (float(column), 0.0, float(column), height - 1.0)
+    elif line is not None:
+        section = arguments.line(line)
+    comparison = profiles.compare(pixels, _distinct(images), section)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    stem = out.with_suffix("") if out.suffix in (".png", ".csv") else out
+    plot, table = Path(f"{stem}.png"), Path(f"{stem}.csv")
+    plot_profiles(comparison, plot)
+    curves = zip(comparison.names, comparison.profiles, strict=True)
+    write_columns(table, {"distance": comparison.distance, **dict(curves)})
+    if as_json:
+        figures = zip(comparison.names, comparison.rms, comparison.maximum, comparison.peak, strict=True)
+        rows = [{"image": n, "rms": r, "maximum": m, "peak": p} for n, r, m, p in figures]
+        print_json({"plot": str(plot), "csv": str(table), "images": rows})
+        return
+    from matest.report.tables import comparison_table
+
+    console().print(comparison_table(comparison), f"Written to {plot} and {table}")
+
+
+def _as_fractions(image: Any) -> Any:
+    """Pixel values as floats: integers as fractions of full scale, floats as stored."""
+    import numpy as np
+
+    from matest.photographs.images import full_scale
+
+    return image.astype(np.float64) / full_scale(image.dtype)
+
+
+def _distinct(paths: list[Path]) -> list[str]:
+    """Short names of files that differ from each other."""
+    for depth in range(1, max(len(path.parts) for path in paths) + 1):
+        names = ["/".join(path.parts[-depth:]) for path in paths]
+        if len(set(names)) == len(names):
+            return names
+    return [str(path) for path in paths]

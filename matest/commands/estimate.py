@@ -1,0 +1,97 @@
+"""The command `matest estimate`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from matest.commands import arguments
+from matest.commands.console import console, print_json, progress
+from matest.errors import InputError
+
+if TYPE_CHECKING:
+    from matest.batch import Outcome
+
+EXAMPLE = "matest estimate renders/vase --model oren-nayar"
+
+
+def estimate(
+    captures: Annotated[list[Path], typer.Argument(metavar="CAPTURE...", help="Folders with a capture.toml.")],
+    out: arguments.Out = None,
+    model: Annotated[
+        str, typer.Option(help="A model or sum, as 'oren-nayar+torrance-sparrow'; see 'matest models'.")
+    ] = "auto",
+    fix: arguments.Fix = None,
+    free: arguments.Free = None,
+    tie: arguments.Tie = None,
+    holdout: Annotated[str, typer.Option(metavar="INDEX,...", help="Images to leave out of the fit.")] = "",
+    precision: Annotated[
+        float | None,
+        typer.Option(metavar="R", help="Stop once every relative standard error is below R.", show_default=False),
+    ] = None,
+    transfer: arguments.Transfer = None,
+    seed: Annotated[int, typer.Option(help="Of the subsample that the search starts from.")] = 0,
+    device: Annotated[str, typer.Option(help="Where to compute: cpu, cuda.")] = "cpu",
+    as_json: arguments.Json = False,
+) -> None:
+    """Estimate the material of photographed objects, with error bars.
+
+    The result goes to CAPTURE/matest (or OUT; with several captures OUT/<capture name>/ each): result.json,
+    material.json, report.html, profile.csv and pictures.
+    """
+    from matest import batch
+    from matest.capture.capture import capture_file
+    from matest.estimation.specification import check_options
+    from matest.report.folder import check_destination
+
+    options = arguments.options(
+        model, fix, free, tie, transfer,
+        holdout=arguments.indices(holdout), precision=precision, seed=seed, device=device,
+    )  # fmt: skip
+    check_options(options)
+    jobs = batch.jobs(captures, out, options, command=" ".join(["matest", *sys.argv[1:]]))
+    if len(captures) == 1:
+        capture_file(captures[0], "capture.toml")
+    for job in jobs:
+        check_destination(job.out, "result.json")
+    outcomes = []
+    for job in jobs:
+        with progress(str(job.capture)) as say:
+            outcomes.append(batch.run(job, say))
+    if len(outcomes) == 1 and outcomes[0].error:
+        raise InputError(outcomes[0].error)
+    if as_json:
+        _print_as_json(outcomes)
+    else:
+        _print_tables(outcomes)
+    if worst := max(outcome.exit_code for outcome in outcomes):
+        raise typer.Exit(worst)
+
+
+def _print_as_json(outcomes: Sequence[Outcome]) -> None:
+    plain = {
+        str(outcome.job.capture): outcome.estimate.to_dict() if outcome.estimate else {"error": outcome.error}
+        for outcome in outcomes
+    }
+    print_json(next(iter(plain.values())) if len(plain) == 1 else plain)
+
+
+def _print_tables(outcomes: Sequence[Outcome]) -> None:
+    from matest.report.tables import estimate_table, summary_table
+
+    terminal = console()
+    for outcome in outcomes:
+        if outcome.estimate is None:
+            typer.echo(f"matest: {outcome.error}", err=True)
+        else:
+            place = outcome.job.out
+            terminal.print(estimate_table(outcome.estimate))
+            terminal.print(f"Result in {place} (open {place / 'report.html'})", soft_wrap=True)
+    if len(outcomes) > 1:
+        terminal.print(
+            summary_table({str(outcome.job.capture): outcome.estimate or outcome.error for outcome in outcomes})
+        )

@@ -1,0 +1,125 @@
+"""The command line: catalogue, help, exit codes."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from matest import commands
+from tests.commands.conftest import Run
+
+# A whole command as its file holds it.
+GREETING = '''"""The command `matest greet`."""
+
+import os
+from typing import Annotated
+
+import typer
+
+from matest.commands import arguments
+from matest.commands.console import print_json
+from matest.errors import InputError
+
+EXAMPLE = "matest greet Fresnel"
+
+
+def greet(name: Annotated[str, typer.Argument(help="Whom.")], as_json: arguments.Json = False) -> None:
+    """Greet somebody.
+
+    At length.
+    """
+    if name == "nobody":
+        raise InputError("nobody cannot be greeted; name somebody.")
+    if name == "late":
+        raise KeyboardInterrupt
+    if name == "away":
+        os.stat("away")
+    print_json({"hello": name})
+'''
+
+
+@pytest.fixture
+def greeting(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A further command: one file, and one line in the catalogue."""
+    (tmp_path / "greet.py").write_text(GREETING, "utf-8")
+    monkeypatch.setattr(commands, "__path__", [*commands.__path__, str(tmp_path)])
+    monkeypatch.setattr(commands, "COMMANDS", (*commands.COMMANDS, "greet"))
+    monkeypatch.delitem(sys.modules, "matest.commands.greet", raising=False)
+
+
+@pytest.mark.usefixtures("greeting")
+def test_a_new_command_is_one_file_and_one_line(run: Run) -> None:
+    assert "greet      Greet somebody." in run("--help")[1]
+    assert "Example: matest greet Fresnel" in run("greet", "--help")[1]
+    assert run("greet", "Fresnel", "--json") == (0, '{"hello": "Fresnel"}\n', "")
+
+
+@pytest.mark.usefixtures("greeting")
+@pytest.mark.parametrize(
+    ("name", "code", "error"),
+    [
+        ("nobody", 2, "matest: nobody cannot be greeted; name somebody.\n"),
+        ("away", 1, "matest: away: No such file or directory.\n"),
+        ("late", 1, "matest: interrupted; what was not finished was not written.\n"),
+    ],
+)
+def test_the_exit_code_says_whether_the_input_or_the_work_failed(run: Run, name: str, code: int, error: str) -> None:
+    ended, out, err = run("greet", name)
+    assert (ended, out) == (code, "")
+    assert err.lstrip().endswith(error)
+
+
+def test_commands_are_listed_in_the_order_of_the_catalogue(run: Run) -> None:
+    listed = run("--help")[1].partition("Commands:\n")[2].splitlines()
+    assert [line.split()[0] for line in listed] == list(commands.COMMANDS)
+    assert run() == run("--help")
+
+
+def test_tables_fit_an_eighty_column_terminal(run: Run, capture: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    for arguments in (("estimate", capture, "--model", "oren-nayar"), ("models",)):
+        _, out, _ = run(*arguments)
+        assert max(len(line.rstrip()) for line in out.splitlines() if str(capture) not in line) <= 80
+
+
+def test_help_loads_nothing_heavy() -> None:
+    heavy = "torch|cv2|trimesh|skimage|matplotlib|scipy|kornia|numpy"
+    code = (
+        "import sys, matest\n"
+        f"assert not [m for m in sys.modules if m.split('.')[0] in '{heavy}'.split('|')]\n"
+        "from matest.cli import main\n"
+        "sys.argv = ['matest', '--help']\n"
+        "try: main()\n"
+        "except SystemExit: pass\n"
+        f"assert not [m for m in sys.modules if m.split('.')[0] in '{heavy}'.split('|')]\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "estimate" in done.stdout
+
+
+@pytest.mark.parametrize("command", commands.COMMANDS)
+def test_every_command_has_help_with_an_example(run: Run, command: str) -> None:
+    code, out, _ = run(command, "--help")
+    assert code == 0
+    assert f"Example: matest {command}" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("estimate",), "Missing argument 'CAPTURE...'; see 'matest estimate -h'."),
+        (("estimate", "x", "--modle", "lambert"), "No such option: --modle"),
+        (("estimate", "x", "--seed", "1.5"), "Invalid value for '--seed'"),
+        (("nope",), "No such command 'nope'; see 'matest -h'."),
+    ],
+)
+def test_a_command_that_cannot_be_read_is_refused_in_one_line(run: Run, arguments: tuple[str, ...], words: str) -> None:
+    code, out, err = run(*arguments)
+    assert (code, out) == (2, "")
+    assert err.startswith("matest: ")
+    assert words in err
+    assert err.count("\n") == 1

@@ -1,0 +1,32 @@
+"""`matest compare` as people and scripts use it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from tests.commands.conftest import Run
+
+
+def test_estimate_predict_compare_work_in_a_row(run: Run, capture: Path, tmp_path: Path) -> None:
+    assert run("estimate", capture, "--model", "oren-nayar", "-o", tmp_path / "result")[0] == 0
+    code, out, _ = run("predict", tmp_path / "result", capture, "-o", tmp_path / "prediction", "--json")
+    assert code == 0
+    assert max(json.loads(out)["relative_rmse"].values()) < 0.1
+    images = [tmp_path / "prediction" / "00.exr", tmp_path / "prediction" / "01.exr"]
+    code, out, _ = run("compare", *images, "--row", 32, "-o", tmp_path / "section", "--json")
+    assert code == 0
+    rows = json.loads(out)["images"]
+    assert rows[0]["rms"] == 0
+    assert rows[1]["rms"] > 0.01
+    assert (tmp_path / "section.png").stat().st_size > 5000
+    assert len((tmp_path / "section.csv").read_text("utf-8").splitlines()) == 65
+
+
+def test_a_comparison_of_one_image_or_along_two_lines_is_refused(run: Run, capture: Path) -> None:
+    code, out, err = run("compare", capture / "00.png")
+    assert (code, out) == (2, "")
+    assert "two images" in err
+    code, out, err = run("compare", capture / "00.png", capture / "01.png", "--row", 3, "--column", 4)
+    assert (code, out) == (2, "")
+    assert "one of --row, --column and --line" in err

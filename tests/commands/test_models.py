@@ -1,0 +1,17 @@
+"""`matest models` as people and scripts use it."""
+
+from __future__ import annotations
+
+import json
+
+from tests.commands.conftest import Run
+
+
+def test_models_lists_the_catalogue(run: Run) -> None:
+    from matest.brdf import MODELS
+
+    code, out, _ = run("models")
+    assert code == 0
+    assert all(name in out for name in MODELS)
+    listed = json.loads(run("models", "--json")[1])
+    assert listed["oren-nayar"]["parameters"]["sigma"]["unit"] == "rad"
