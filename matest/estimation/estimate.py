@@ -20,14 +20,7 @@ from matest.estimation.selection import select
 from matest.estimation.specification import Constraints, Specification, Value, freed, optics, specify
 from matest.estimators import AllTiles, Problem, Solution, accumulate, fit
 from matest.estimators.covariance import fisher
-from matest.inference.error_bars import error_bars
-from matest.inference.parameter_estimates import (
-    parameter_estimate,
-    parameter_estimates,
-    reported_correlation,
-    reported_labels,
-    with_profiles,
-)
+from matest.inference.posterior import judge, judge_to_first_order
 from matest.photographs.redundant import idle, without_copies
 from matest.photographs.samples import Samples
 from matest.shading import render
@@ -88,35 +81,32 @@ def estimate(
         model, constraints, channels=capture.channels, relative=capture.relative, scene=capture.scene
     )
     solution = fit(specification.problem, samples, seed, progress, precision=precision or 0.0)
-    bars = error_bars(solution, samples)
     wider = freed(specification, _worth_freeing(specification, solution))
     if wider.problem.free != specification.problem.free:
         problem = replace(wider.problem, gauge_limit=solution.problem.gauge_limit)
         again = fit(problem, samples, seed, progress, _widened(problem, solution), precision or 0.0)
-        judged = error_bars(again, samples)
         # What looked determined by its Fisher error may not be by an honest one.
-        if all(parameter_estimate(again, judged, name).status != "not determined" for name in problem.free):
-            specification, solution, bars = wider, again, judged
+        if not judge_to_first_order(again, samples).not_determined:
+            specification, solution = wider, again
     if not solution.statistics.total("values"):
         raise InputError(
             f"{capture.name}: no value lies inside the sensor's range and near the model: the object is saturated or "
             "black in every image. Photograph it with another exposure."
         )
-    bars = with_profiles(solution, bars)
+    posterior = judge(solution, samples)
     material = solution.problem.material(solution.unknowns)
     statistics = solution.statistics
-    parameters = parameter_estimates(solution, bars)
     measured = len(samples) - samples.skipped["saturated"]
     outcome = Fit(
         rmse=math.sqrt(statistics.total("squared_residual") / max(statistics.total("values"), 1)),
         relative_rmse=statistics.relative_rmse,
-        reduced_chi2=bars.chi2,
+        reduced_chi2=posterior.bars.chi2,
         samples=measured,
         samples_used=min(int(statistics.total("samples")), measured),
         iterations=solution.iterations,
         status="converged" if solution.converged else "not converged",
-        message=message(solution, bars, unread_samples(samples, solution)),
-        errors=bars.kind,
+        message=message(solution, posterior.bars, unread_samples(samples, solution)),
+        errors=posterior.bars.kind,
         outliers=statistics.outliers,
     )
     left_out = None
@@ -128,16 +118,16 @@ def estimate(
         capture=capture.name,
         model=material.expression,
         material=material,
-        parameters=parameters,
-        labels=reported_labels(solution.problem),
-        correlation=reported_correlation(solution, bars),
+        parameters=dict(posterior.estimates),
+        labels=list(posterior.labels),
+        correlation=[list(row) for row in posterior.correlation],
         fit=outcome,
         relative=capture.relative,
         candidates=candidates,
         skipped=skipped(samples, solution, passed, len(set(holdout)), candidates),
         timing_s={**{stage: capture.timing.get(stage, 0.0) for stage in ("read", "geometry")}, "fit": fit_s},
         holdout=left_out,
-        warnings=warnings(samples, specification, solution, parameters, bars, passed, precision),
+        warnings=warnings(samples, specification, solution, posterior, passed, precision),
     )
 
 

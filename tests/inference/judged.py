@@ -12,9 +12,7 @@ from matest.capture import Capture
 from matest.estimation.specification import Constraints, Value, specify
 from matest.estimators import Solution, Statistics, fit
 from matest.estimators.moments import scores
-from matest.inference.error_bars import ErrorBars, error_bars
-from matest.inference.parameter_estimates import parameter_estimates, with_profiles
-from matest.inference.quantities import ParameterEstimate
+from matest.inference.posterior import Posterior, judge
 from matest.photographs.samples import Samples
 from matest.samples.groups import Groups
 from tests.problems import problem
@@ -26,8 +24,7 @@ class Judged:
 
     solution: Solution
     samples: Samples
-    bars: ErrorBars
-    estimates: dict[str, ParameterEstimate]
+    posterior: Posterior
 
     def positions(self, *names: str) -> set[int]:
         """Positions of parameters among the unknowns."""
@@ -53,8 +50,7 @@ def judged(
     )
     samples = capture.samples(range(len(capture)))
     solution = fit(specification.problem, samples, 0)
-    bars = with_profiles(solution, error_bars(solution, samples))
-    return Judged(solution, samples, bars, parameter_estimates(solution, bars))
+    return Judged(solution, samples, judge(solution, samples))
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,11 @@ import pytest
 import torch
 from torch import Tensor
 
-from matest.inference.error_bars import error_bars
-from tests.inference.judged import solved, source
+from matest.brdf import CookTorrance
+from matest.inference.error_bars import error_bars, expected_error_bars
+from matest.inference.expansion import Expansion
+from tests.inference.judged import judged, solved, source
+from tests.simulated import Studio
 
 
 def balanced(groups: int, spread: float = 0.0) -> Tensor:
@@ -93,3 +96,17 @@ def test_a_jackknife_respects_bounds_and_its_open_twin_does_not() -> None:
     assert bars.kind == "jackknife over images"
     assert float(bars.covariance.std[1]) == 0
     assert float(bars.open.std[1]) > 0
+
+
+def test_error_bars_of_noise_alone_are_not_widened_and_jackknifed_ones_are() -> None:
+    assert error_bars(solved(balanced(6)), source(6)).largest_widening == 1
+    missed = judged(Studio(size=24).photograph(CookTorrance(0.4, 0.8, 0.2), 0), "lambert").posterior.bars
+    assert missed.kind == "jackknife over images"
+    assert missed.largest_widening > 1.2
+
+
+def test_what_is_expected_of_samples_is_what_samples_that_hold_the_model_give() -> None:
+    solution = solved(balanced(6))
+    expected, found = expected_error_bars(Expansion.of(solution)), error_bars(solution, source(6))
+    assert torch.equal(expected.covariance.matrix, found.covariance.matrix)
+    assert (expected.holds, expected.kind, expected.chi2) == (found.holds, found.kind, 1.0)
