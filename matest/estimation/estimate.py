@@ -21,14 +21,7 @@ from matest.estimation.selection import select
 from matest.estimation.specification import Specification, freed, optics, specify
 from matest.estimators import Problem, Solution, accumulate, fit
 from matest.estimators.covariance import fisher
-from matest.inference.error_bars import error_bars
-from matest.inference.parameter_estimates import (
-    parameter_estimate,
-    parameter_estimates,
-    reported_correlation,
-    reported_labels,
-    with_profiles,
-)
+from matest.inference.posterior import judge, judge_to_first_order
 from matest.photographs.samples import PhotographSamples
 from matest.progress import Progress, silent
 from matest.shading import render
@@ -99,35 +92,32 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
     specification = specify(expression, options, channels=samples.channels, relative=samples.relative, scene=samples)
     precision = options.precision or 0.0
     solution = fit(specification.problem, samples, options.seed, progress, precision=precision)
-    bars = error_bars(solution, samples)
     wider = freed(specification, _worth_freeing(specification, solution))
     if wider.problem.free != specification.problem.free:
         problem = wider.problem.limited(solution.problem.light_scale_limit)
         again = fit(problem, samples, options.seed, progress, _widened(problem, solution), precision)
-        judged = error_bars(again, samples)
         # What looked determined by its Fisher error may not be by an honest one.
-        if all(parameter_estimate(again, judged, name).status != "not determined" for name in problem.free):
-            specification, solution, bars = wider, again, judged
+        if not judge_to_first_order(again, samples).not_determined:
+            specification, solution = wider, again
     if not solution.statistics.total("values"):
         raise InputError(
             f"{capture.name}: no value lies inside the sensor's range and near the model: the object is saturated or "
             "black in every image. Photograph it with another exposure."
         )
-    bars = with_profiles(solution, bars)
+    posterior = judge(solution, samples)
     material = solution.problem.material(solution.unknowns)
     statistics = solution.statistics
-    parameters = parameter_estimates(solution, bars)
     measured = len(samples) - samples.skipped["saturated"]
     outcome = Fit(
         rmse=math.sqrt(statistics.total("squared_residual") / max(statistics.total("values"), 1)),
         relative_rmse=statistics.relative_rmse,
-        reduced_chi2=bars.chi2,
+        reduced_chi2=posterior.bars.chi2,
         samples=measured,
         samples_used=min(int(statistics.total("samples")), measured),
         iterations=solution.iterations,
         status="converged" if solution.converged else "not converged",
-        message=message(solution, bars, unread_samples(samples, solution)),
-        errors=bars.kind,
+        message=message(solution, posterior.bars, unread_samples(samples, solution)),
+        errors=posterior.bars.kind,
         outliers=statistics.outliers,
     )
     left_out, holdout = None, sorted({*options.holdout})
@@ -139,16 +129,16 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         capture=capture.name,
         model=material.expression,
         material=material,
-        parameters=parameters,
-        labels=reported_labels(solution.problem),
-        correlation=reported_correlation(solution, bars),
+        parameters=dict(posterior.estimates),
+        labels=list(posterior.labels),
+        correlation=[list(row) for row in posterior.correlation],
         fit=outcome,
         relative=capture.relative,
         candidates=candidates,
         skipped=skipped(samples, solution, len(holdout), candidates),
         timing_s={**{stage: capture.timing.get(stage, 0.0) for stage in ("read", "geometry")}, "fit": fit_s},
         holdout=left_out,
-        warnings=warnings(samples, specification, solution, parameters, bars, options.precision),
+        warnings=warnings(samples, specification, solution, posterior, options.precision),
     )
 
 

@@ -12,10 +12,10 @@ from matest.estimation.result import Candidate
 from matest.estimation.specification import Specification
 from matest.estimators import Solution
 from matest.estimators.covariance import fisher
+from matest.inference.derived import known_by_ratio
 from matest.inference.error_bars import ErrorBars
-from matest.inference.parameter_estimates import known_by_ratio, seen_together
+from matest.inference.posterior import Posterior
 from matest.inference.quantities import ParameterEstimate
-from matest.inference.unseen import unseen_amplitudes
 from matest.photographs.samples import PhotographSamples
 
 # Worth a word of warning: less than this share of the mask is geometry, a fit worse than this (not by noise alone, of
@@ -128,8 +128,7 @@ def warnings(
     samples: PhotographSamples,
     specification: Specification,
     solution: Solution,
-    parameters: Mapping[str, ParameterEstimate],
-    bars: ErrorBars,
+    posterior: Posterior,
     precision: float | None,
 ) -> list[str]:
     """What a user should know of an estimate, in sentences.
@@ -137,12 +136,12 @@ def warnings(
     Args:
         samples: that it was made from.
         specification: what was asked for.
-        solution, parameters, bars: what came out.
+        solution, posterior: what came out.
         precision: that was asked for.
     """
     out = []
     photographs, redundancy = samples.photographs, samples.redundancy
-    names = photographs.names
+    names, bars, parameters = photographs.names, posterior.bars, posterior.estimates
     relative_rmse = solution.statistics.relative_rmse
     if photographs.relative:
         out.append(
@@ -205,15 +204,14 @@ def warnings(
         )
     lost = [name for name, parameter in parameters.items() if parameter.status == "not determined"]
     lost = [name for name in lost if not known_by_ratio(solution.problem, name)]
-    together = seen_together(solution, bars)
-    locked = [name for name in lost if name in together]
+    locked = [name for name in lost if name in posterior.seen_together]
     if len(locked) > 1:
         out.append(f"{' and '.join(locked)} are not determined: these images see only a combination of them; fix one.")
     alone = [name for name in lost if len(locked) < 2 or name not in locked]
     if alone:
         told = [name + _channels(parameters[name]) for name in alone]
         out.append(f"{' and '.join(told)} {'are' if len(alone) > 1 else 'is'} not determined by these images.")
-    absent = unseen_amplitudes(solution, bars)
+    absent = posterior.lobes.amplitudes
     if absent:
         out.append(f"No lobe of {' and '.join(sorted(absent))} is seen: intervals are of one as wide as fits best.")
     if not bars.holds and bars.kind == "fisher":

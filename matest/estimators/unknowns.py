@@ -154,7 +154,11 @@ class Problem:
         return all(name in self.held and self.held[name].numel() == 1 for name in sources)
 
     def declared(self, name: str) -> Parameter:
-        return self.brdf.declared[name]
+        """The declaration of a parameter of the model, or of a block of its calibration."""
+        if name in self.brdf.declared:
+            return self.brdf.declared[name]
+        block = next(block for block in self.blocks if block.name == name)
+        return Parameter(block.domain, unit="1", doc=f"{name}, relative to what is stated")
 
     def domain(self, name: str) -> Domain:
         """Of a free or a held parameter."""

@@ -20,7 +20,7 @@ from matest.identifiability.forecast import Forecast, as_estimated, bent_near, f
 from matest.identifiability.next_light import NextLight, next_light, with_light
 from matest.identifiability.plan import Plan, exposed
 from matest.identifiability.reasons import Nearness, Reasons
-from matest.inference.parameter_estimates import known_by_ratio, numerator_of, reported_name
+from matest.inference.derived import known_by_ratio, numerator_of, reported_name
 from matest.inference.quantities import Number, ParameterEstimate
 from matest.parameters import Domain
 from matest.photographs.samples import PhotographSamples

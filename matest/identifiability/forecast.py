@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache, cached_property, partial
 
 import numpy as np
 import torch
@@ -13,16 +13,13 @@ from torch import Tensor
 
 from matest.estimation.estimate import worth_freeing
 from matest.estimation.specification import Specification, freed
-from matest.estimators import Problem, Solution, accumulate
-from matest.estimators.covariance import fisher
-from matest.estimators.moments import scores
-from matest.estimators.statistics import Statistics
+from matest.estimators import Problem, accumulate
 from matest.identifiability.plan import photographed
-from matest.inference.error_bars import ErrorBars
-from matest.inference.parameter_estimates import parameter_estimates
+from matest.inference.expansion import Expansion
+from matest.inference.posterior import foresee
 from matest.inference.profiles import surroundings
 from matest.inference.quantities import ParameterEstimate
-from matest.inference.unseen import bent
+from matest.inference.valleys import bent_valleys
 from matest.photographs.photographs import Photographs
 from matest.photographs.samples import PhotographSamples
 from matest.samples import Tile
@@ -56,8 +53,7 @@ class Forecast:
     @property
     def std(self) -> Tensor:
         """Standard errors [P]; infinite where not determined."""
-        everything = torch.ones(self.problem.size, dtype=torch.bool)
-        covariance = fisher(self.information, everything)
+        covariance = self.expansion.covariance
         return torch.where(covariance.undetermined, math.inf, covariance.std)
 
     @property
@@ -86,20 +82,14 @@ class Forecast:
         lost = ~torch.isfinite(relative)
         return int(lost.sum()), float(relative[~lost].max()) if bool((~lost).any()) else 0.0
 
-    def estimates(self) -> dict[str, ParameterEstimate]:
+    def estimates(self) -> Mapping[str, ParameterEstimate]:
         """Every parameter as `estimate` would report it if it found exactly these values."""
-        everything = torch.ones(self.problem.size, dtype=torch.bool)
-        covariance = fisher(self.information, everything)
-        bars = ErrorBars(covariance, covariance, ~everything, 1.0, 1.0, True, "fisher")
-        return parameter_estimates(self.solution, bars)
+        return foresee(self.expansion).estimates
 
-    @property
-    def solution(self) -> Solution:
-        """What `estimate` would find if it found exactly these values."""
-        none = torch.zeros(self.problem.size).double()
-        counts = scores(values=self.values, samples=self.values, squared_signal=1.0)
-        statistics = Statistics(torch.zeros(1).long(), self.information[None], none[None], counts)
-        return Solution(self.problem, self.unknowns, statistics, 1, 0.0, True)
+    @cached_property
+    def expansion(self) -> Expansion:
+        """χ² about these values, which are its minimum."""
+        return Expansion(self.problem, self.unknowns, self.information, torch.zeros(self.problem.size).double())
 
 
 def unknowns_at(problem: Problem, values: Mapping[str, Tensor]) -> Tensor:
@@ -130,7 +120,8 @@ def thinned(samples: PhotographSamples) -> tuple[list[list[Callable[[], Tile]]],
 
 
 def _tile(samples: PhotographSamples, position: int, index: np.ndarray) -> Tile:
-    return Tile(samples.at(position, index))
+    """Some pixels of an image, in one group: nothing is to be told apart within an image."""
+    return Tile(replace(samples.at(position, index), groups=samples.labels(position, index[:1]).expand(len(index))))
 
 
 def forecast(samples: PhotographSamples, problem: Problem, unknowns: Tensor) -> Forecast:
@@ -153,7 +144,8 @@ def bent_near(found: Forecast, samples: PhotographSamples) -> tuple[str, ...]:
     """Names of the parameters whose standard errors hold near the values assumed only."""
     tiles, weights = thinned(samples)
     share = 1 / max(weights.values(), default=1.0)
-    positions = bent(found.solution, cache(partial(surroundings, replace(found.solution, tiles=tiles), share)))
+    around = cache(partial(surroundings, found.problem, found.unknowns, tiles, share=share))
+    positions = bent_valleys(found.expansion, around)
     return tuple(name for name, place in found.problem.where.items() if positions & {*range(place.start, place.stop)})
 
 

@@ -1,60 +1,61 @@
-"""Error bars of a solution."""
+"""Covariance of a solution: by the Fisher information where the model holds, by the jackknife where it does not."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
 from matest.estimators import Solution, at_bound, bounded_step
 from matest.estimators.covariance import Covariance, correlation_of_residuals, fisher, jackknife
+from matest.inference.expansion import Expansion
 from matest.samples import Samples
 
-# Reduced χ² above this says that the model does not hold: stated noise is exact, noise estimated from the pictures
-# is known to some per cent.
-_HOLDS_STATED, _HOLDS_ESTIMATED = 1.03, 1.10
-# Scores of blocks of pixels that scatter this many times as much as independent residuals' do: not independent.
+# χ² per degree of freedom above which the model does not hold, where the noise is stated: that is exact.
+_HOLDS_STATED = 1.03
+# The same where noise was estimated from the samples: it is known to some per cent.
+_HOLDS_ESTIMATED = 1.10
+# Both are passed by chance: allow so many standard deviations of χ² per value.
+_CHI2_BY_CHANCE = 5.0
+# Scores of groups that scatter this many times as much as independent residuals' do are not independent.
 _CORRELATED = 2.0
-# With few parameters in few blocks chance does that too: so many times its standard deviation.
-_BY_CHANCE = 5.0
-# An unknown at an end of its domain is held there by the data if they push by so many standard errors.
+# With few unknowns in few groups chance does that too: allow so many of its standard deviations.
+_CORRELATION_BY_CHANCE = 5.0
+# The data hold an unknown at an end of its domain if they push by so many standard errors.
 _PUSHED = 0.1
-# With fewer images, blocks of pixels serve as clusters; with fewer of those, there is nothing to leave out.
+# With fewer images, their blocks serve as clusters of the jackknife; with fewer blocks, there is nothing to leave out.
 _MIN_CLUSTERS = 4
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ErrorBars:
-    """Error bars of a solution.
+    """Covariance of a solution, and what it rests on.
 
     Attributes:
-        covariance: with parameters at a bound left out.
+        covariance: with unknowns at a bound left out.
         open: the same with them let free: how far inside the domain the truth may lie.
-        bound: unknowns at a bound [P].
+        bound: unknowns that the data hold at a bound [P].
+        widening: how many times as wide as by the information alone error bars are [P].
         chi2: per degree of freedom.
-        correlation: of residuals over blocks of pixels: 1 if they are independent.
-        holds: whether the model describes the images to their noise.
-        kind: what the error bars rest on.
-        flat: for unknowns at a lower bound where the model is flat in them to first order, about how far inside the
-            domain the truth may lie.
-        intervals: of 95 %, of the unknowns at or near a bound and along valleys that bend.
-        locked: positions of unknowns that move with one that the images say nothing of where it stands.
-        bent: positions of unknowns along a valley of the likelihood that bends within their standard errors.
+        correlation: of residuals over groups of samples: 1 if they are independent.
+        holds: whether the model describes the samples to their noise.
+        kind: "fisher", "jackknife over images" or "jackknife over blocks".
     """
 
     covariance: Covariance
     open: Covariance
     bound: Tensor
+    widening: Tensor
     chi2: float
     correlation: float
     holds: bool
     kind: str
-    flat: dict[int, float] = field(default_factory=dict)
-    intervals: dict[int, tuple[float, float]] = field(default_factory=dict)
-    locked: frozenset[int] = frozenset()
-    bent: frozenset[int] = frozenset()
+
+    @property
+    def largest_widening(self) -> float:
+        return float(self.widening.clamp(min=1.0).max())
 
     @property
     def reason(self) -> str:
@@ -66,37 +67,37 @@ class ErrorBars:
 
 
 def error_bars(solution: Solution, samples: Samples) -> ErrorBars:
-    """Error bars of a solution: Fisher's where the model holds, jackknifed ones where it does not."""
-    problem, statistics = solution.problem, solution.statistics
-    scale = statistics.inflation
-    push = statistics.gradient.abs() / (statistics.information.diagonal() * scale).clamp(min=1e-300).sqrt()
+    """The error bars of a solution."""
+    problem, statistics, expansion = solution.problem, solution.statistics, Expansion.of(solution)
+    push = expansion.gradient.abs() / expansion.information.diagonal().clamp(min=1e-300).sqrt()
     # A valley that ends at a bound does not push: what lies along it is not determined there either.
     bound = at_bound(problem, solution.unknowns, statistics.gradient) & (push > _PUSHED)
-    everything = torch.ones_like(bound)
+    closed, opened = fisher(expansion.information, ~bound), expansion.covariance
+    values = max(statistics.total("values"), 1)
     chi2 = statistics.total("chi2") / max(statistics.total("values") - int((~bound).sum()), 1)
-    closed, opened = (fisher(statistics.information / scale, free) for free in (~bound, everything))
     correlation, by_chance = correlation_of_residuals(statistics, closed)
-    allowed = (_HOLDS_STATED if samples.noise_stated else _HOLDS_ESTIMATED) + 5 * math.sqrt(
-        2 / max(statistics.total("values"), 1)
-    )
-    holds = chi2 <= allowed and correlation <= max(_CORRELATED, 1 + _BY_CHANCE * by_chance)
+    allowed = (_HOLDS_STATED if samples.noise_stated else _HOLDS_ESTIMATED) + _CHI2_BY_CHANCE * math.sqrt(2 / values)
+    holds = chi2 <= allowed and correlation <= max(_CORRELATED, 1 + _CORRELATION_BY_CHANCE * by_chance)
     by_image = statistics.regrouped(samples.groups.image)
     clusters = by_image if len(by_image) >= _MIN_CLUSTERS else statistics
-    if holds or len(clusters) < _MIN_CLUSTERS:
-        return ErrorBars(closed, opened, bound, chi2, correlation, holds, "fisher")
+    kind = "fisher"
+    if not holds and len(clusters) >= _MIN_CLUSTERS:
+        kind = "jackknife over images" if clusters is by_image else "jackknife over blocks"
 
-    def inside(information: Tensor, gradient: Tensor) -> Tensor:
-        return bounded_step(problem, solution.unknowns, information, gradient)
+        def inside(information: Tensor, gradient: Tensor) -> Tensor:
+            return bounded_step(problem, solution.unknowns, information, gradient)
 
-    def anywhere(information: Tensor, gradient: Tensor) -> Tensor:
-        return fisher(information, everything).matrix @ gradient
+        def anywhere(information: Tensor, gradient: Tensor) -> Tensor:
+            return fisher(information, torch.ones_like(bound)).matrix @ gradient
 
-    return ErrorBars(
-        jackknife(clusters, ~bound, inside),
-        jackknife(clusters, everything, anywhere),
-        bound,
-        chi2,
-        correlation,
-        holds,
-        "jackknife over images" if clusters is by_image else "jackknife over blocks",
-    )
+        closed = jackknife(clusters, ~bound, inside)
+        opened = jackknife(clusters, torch.ones_like(bound), anywhere)
+    widening = (opened.std / expansion.covariance.std).nan_to_num(1.0, posinf=1.0)
+    return ErrorBars(closed, opened, bound, widening, chi2, correlation, holds, kind)
+
+
+def expected_error_bars(expansion: Expansion) -> ErrorBars:
+    """The error bars of samples that have not been taken: the model will hold, and nothing will lie at a bound."""
+    none = torch.zeros(expansion.problem.size, dtype=torch.bool)
+    covariance = expansion.covariance
+    return ErrorBars(covariance, covariance, none, torch.ones(len(none)).double(), 1.0, 1.0, True, "fisher")

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 
 from torch import Tensor
 
-from matest.estimators import Solution
+from matest.estimators import Problem, Solution
 from matest.estimators.levenberg_marquardt import bounded_step, minimise
 from matest.estimators.passes import Evaluate, passes_over
+from matest.samples import Tiles
 
 # χ² that a value may cost inside a 95 % interval: away from every bound, and at a bound that no estimate can pass.
 TWO_SIDED, _ONE_SIDED = 3.841458820694124, 2.705543454095414
@@ -73,11 +74,20 @@ class Surroundings:
         return Rise(value, (_lowest(found) - _lowest(self.best)) / unit, slope, found)
 
 
-def surroundings(solution: Solution, share: float = 1.0) -> Surroundings:
-    """Expand the likelihood about a solution, whose tiles are of a share of all samples."""
-    reference = solution.unknowns
-    evaluate = passes_over(solution.problem, solution.tiles, reference, reference, solution.residual_scale)
-    best = minimise(solution.problem, reference, evaluate, passes=_PASSES, tolerance=_SETTLED)
+def surroundings(
+    problem: Problem, unknowns: Tensor, tiles: Tiles, residual_scale: float = 1.0, share: float = 1.0
+) -> Surroundings:
+    """Expand the likelihood about an optimum.
+
+    Args:
+        problem: what is estimated.
+        unknowns: u [P] there.
+        tiles: samples.
+        residual_scale: see `likelihood.about`.
+        share: of all samples that these are of.
+    """
+    evaluate = passes_over(problem, tiles, unknowns, unknowns, residual_scale)
+    best = minimise(problem, unknowns, evaluate, passes=_PASSES, tolerance=_SETTLED)
     return Surroundings(best, evaluate, share)
 
 

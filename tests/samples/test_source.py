@@ -13,7 +13,7 @@ import matest
 from matest.brdf import Brdf, CookTorrance, OrenNayar
 from matest.estimators import Problem, Solution, fit
 from matest.estimators.unknowns import exposures
-from matest.inference.error_bars import error_bars
+from matest.inference.posterior import judge
 from matest.samples import Samples
 from tests.problems import problem
 from tests.samples.table import Table
@@ -60,14 +60,17 @@ def test_a_table_and_photographs_fulfil_the_protocol() -> None:
 @pytest.mark.parametrize("expression", MATERIALS)
 def test_a_table_is_fitted_and_judged_like_photographs(expression: str) -> None:
     material, chosen = MATERIALS[expression], problem(expression, channels=3)
+    # Oren-Nayar's second bounce has its strength under lights that are known, and is not reported.
+    fixed = {"fixed"} if expression == "oren-nayar" else set[str]()
     errors = []
     for seed in range(4):
         table = measured(material, seed)
         solution = fit(chosen, table, seed=0)
-        bars = error_bars(solution, table)
+        posterior = judge(solution, table)
         assert solution.converged
-        assert bars.holds
-        errors.append(in_standard_errors(chosen, solution, bars.covariance.std, material))
+        assert posterior.bars.holds
+        assert {estimate.status for estimate in posterior.estimates.values()} == {"determined", "fixed"} - fixed
+        errors.append(in_standard_errors(chosen, solution, posterior.bars.covariance.std, material))
     squares = torch.stack(errors).square()
     # Mean square of so many errors is 1 within three times √(2/n).
     assert float(squares.mean()) == pytest.approx(1, abs=3 * math.sqrt(2 / squares.numel()))
@@ -105,10 +108,13 @@ def test_exposures_of_images_are_unknowns_with_a_prior(expression: str) -> None:
         plain = problem(expression)
         chosen = with_exposures(plain, samples, spread)
         solution = fit(chosen, samples, seed=0)
-        bars = error_bars(solution, samples)
+        posterior = judge(solution, samples)
+        bars = posterior.bars
         assert solution.converged
         assert bars.holds, bars.reason
         assert bars.kind == "fisher"
+        assert posterior.nuisance["exposure"].status == "determined"
+        assert posterior.nuisance["exposure"].value == pytest.approx(solution.unknowns[plain.size :].tolist())
         truth = torch.cat([plain.unknowns_at(material.parameters), factors])
         errors = (solution.unknowns - truth) / bars.covariance.std
         squares.append(errors.square())
@@ -124,8 +130,8 @@ def test_exposures_of_images_are_unknowns_with_a_prior(expression: str) -> None:
 def test_no_prior_leaves_the_common_factor_of_exposures_and_albedo_open() -> None:
     samples = exposed(OrenNayar(0.6, 0.5), strays(6, 0.03, 0), 0)
     chosen = replace(problem("lambert"), blocks=(*problem("lambert").blocks, exposures(None)), groups=samples.groups)
-    bars = error_bars(fit(chosen, samples, seed=0), samples)
-    assert bool(bars.covariance.undetermined[chosen.where["albedo"]].any())
+    posterior = judge(fit(chosen, samples, seed=0), samples)
+    assert posterior.estimates["albedo"].status == "not determined"
 
 
 def test_statistics_with_exposures_are_those_of_the_dense_matrices() -> None:

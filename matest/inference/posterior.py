@@ -1,0 +1,134 @@
+"""What samples say of every unknown, built once and only read afterwards."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+
+from torch import Tensor
+
+from matest.estimators import Problem, Solution
+from matest.inference.derived import reported_correlation, reported_labels, reported_name, with_ratios
+from matest.inference.error_bars import ErrorBars, error_bars, expected_error_bars
+from matest.inference.expansion import Expansion
+from matest.inference.intervals import Intervals, profile_intervals
+from matest.inference.lobes import LobesNotSeen, lobes_not_seen
+from matest.inference.profiles import Surroundings, surroundings
+from matest.inference.quantities import ParameterEstimate
+from matest.inference.statuses import Verdict, combined, verdicts
+from matest.inference.valleys import Valleys, valleys
+from matest.samples import Samples
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """What samples say of every unknown.
+
+    Attributes:
+        problem: what was estimated.
+        unknowns: the optimum u [P].
+        bars: covariance, χ², whether the model holds, and the kind of error bars.
+        lobes: those that are not seen.
+        valleys: unknowns, by position, of which the covariance says nothing true.
+        intervals: by the profile of the likelihood, by position.
+        estimates: of every parameter and derived quantity, by name.
+        labels: names of the rows of `correlation`.
+        correlation: of the estimates, [P][P].
+        seen_together: names under which parameters are reported of which only combinations are seen.
+        nuisance: estimates of the blocks that belong to the calibration, one number an image.
+    """
+
+    problem: Problem
+    unknowns: Tensor
+    bars: ErrorBars
+    lobes: LobesNotSeen
+    valleys: Valleys
+    intervals: Intervals
+    estimates: Mapping[str, ParameterEstimate]
+    labels: Sequence[str]
+    correlation: Sequence[Sequence[float]]
+    seen_together: frozenset[str]
+    nuisance: Mapping[str, ParameterEstimate]
+
+    @property
+    def not_determined(self) -> list[str]:
+        """Names under which free parameters are reported that are not determined."""
+        names = [reported_name(self.problem, name) for name in self.problem.free]
+        return [name for name in names if self.estimates[name].status == "not determined"]
+
+
+def judge(solution: Solution, samples: Samples) -> Posterior:
+    """What samples say of the unknowns of their solution."""
+
+    @cache
+    def around() -> Surroundings:
+        return surroundings(solution.problem, solution.unknowns, solution.tiles, solution.residual_scale)
+
+    expansion, bars = Expansion.of(solution), error_bars(solution, samples)
+    lobes = lobes_not_seen(expansion, bars)
+    there = valleys(solution, bars, lobes, around)
+    first = verdicts(expansion, bars, lobes, there, Intervals())
+    lost = {position for position, verdict in enumerate(first) if verdict.value is None}
+    intervals = profile_intervals(expansion, bars, lobes, there, around, lost)
+    return _posterior(expansion, bars, lobes, there, intervals)
+
+
+def judge_to_first_order(solution: Solution, samples: Samples) -> Posterior:
+    """The same without a look at the likelihood away from the optimum: symmetric intervals, no valleys."""
+    return _to_first_order(Expansion.of(solution), error_bars(solution, samples))
+
+
+def foresee(expansion: Expansion) -> Posterior:
+    """What samples that have not been taken will say, to first order."""
+    return _to_first_order(expansion, expected_error_bars(expansion))
+
+
+def _to_first_order(expansion: Expansion, bars: ErrorBars) -> Posterior:
+    return _posterior(expansion, bars, lobes_not_seen(expansion, bars), Valleys(), Intervals())
+
+
+def _posterior(
+    expansion: Expansion, bars: ErrorBars, lobes: LobesNotSeen, there: Valleys, intervals: Intervals
+) -> Posterior:
+    problem, final = expansion.problem, verdicts(expansion, bars, lobes, there, intervals)
+    return Posterior(
+        problem,
+        expansion.unknowns,
+        bars,
+        lobes,
+        there,
+        intervals,
+        with_ratios(expansion, bars, _estimates(expansion, final)),
+        reported_labels(problem),
+        reported_correlation(problem, bars),
+        _seen_together(expansion, bars, there, intervals),
+        _nuisance(problem, final),
+    )
+
+
+def _estimates(expansion: Expansion, final: Sequence[Verdict]) -> dict[str, ParameterEstimate]:
+    """Every parameter of the model: estimated, tied or fixed."""
+    problem, out = expansion.problem, {}
+    for name, declared in problem.brdf.declared.items():
+        source = problem.ties.get(name, name)
+        value = expansion.values[name]
+        if source in problem.where:
+            estimate = combined(final[problem.where[source]], declared.unit, declared.doc)
+            out[name] = replace(estimate, status="tied") if source != name else estimate
+        elif not declared.gauge or float(value) != 1:
+            out[name] = ParameterEstimate(value.tolist(), None, None, declared.unit, "fixed", declared.doc)
+    return out
+
+
+def _nuisance(problem: Problem, final: Sequence[Verdict]) -> dict[str, ParameterEstimate]:
+    """Every block that is no parameter of the model."""
+    declared = {name: problem.declared(name) for name in problem.where if name not in problem.brdf.declared}
+    return {name: combined(final[problem.where[name]], of.unit, of.doc) for name, of in declared.items()}
+
+
+def _seen_together(expansion: Expansion, bars: ErrorBars, there: Valleys, intervals: Intervals) -> frozenset[str]:
+    problem = expansion.problem
+    together = bars.covariance.undetermined & (expansion.information.diagonal() > 0)
+    together[[*intervals.bent, *there.bent, *there.locked]] = True
+    return frozenset(reported_name(problem, name) for name, place in problem.where.items() if together[place].any())
