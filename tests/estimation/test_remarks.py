@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,7 @@ import matest
 from matest.brdf import Brdf, CookTorrance, Lambert, OrenNayar
 from matest.estimation.result import Estimate
 from matest.photographs.photometry import Encoding
-from tests.captures import directional
+from tests.captures import changed, directional
 from tests.simulated import DIRECTIONS, Studio, coloured
 
 STUDIO = Studio(size=24)
@@ -79,14 +77,14 @@ def test_an_image_without_light_is_left_out_and_told() -> None:
 
 def test_the_same_pixels_under_two_lights_are_told() -> None:
     capture = STUDIO.photograph(Lambert(0.6), 0)
-    twins = replace(capture, stored=(*capture.stored[:-1], capture.stored[0]))
+    twins = changed(capture, stored=(*capture.photographs.stored[:-1], capture.photographs.stored[0]))
     found = matest.estimate(twins, "lambert")
     assert any(warning.startswith("Images 0 (") and "are the same pixels" in warning for warning in found.warnings)
 
 
 def test_the_image_that_spoils_the_others_is_named() -> None:
     capture = STUDIO.photograph(Lambert(0.6), 0)
-    spoilt = replace(capture, stored=(*capture.stored[:-1], 1.3 * capture.stored[-1]))
+    spoilt = changed(capture, stored=(*capture.photographs.stored[:-1], 1.3 * capture.photographs.stored[-1]))
     found = matest.estimate(spoilt, "lambert")
     told = [warning for warning in found.warnings if warning.startswith("Without image")]
     assert len(told) == 1
@@ -107,8 +105,10 @@ def test_a_model_that_misses_the_images_asks_for_a_look_at_what_was_stated() -> 
 def test_many_outliers_are_counted() -> None:
     capture = STUDIO.photograph(Lambert(0.6), 0)
     rng = np.random.default_rng(1)
-    stored = tuple(np.where(rng.random(image.shape) < 0.02, 0.9, image).astype(np.float32) for image in capture.stored)
-    found = matest.estimate(replace(capture, stored=stored), "lambert")
+    stored = tuple(
+        np.where(rng.random(image.shape) < 0.02, 0.9, image).astype(np.float32) for image in capture.photographs.stored
+    )
+    found = matest.estimate(changed(capture, stored=stored), "lambert")
     assert any("of the values lie too far from the model to be noise" in warning for warning in found.warnings)
 
 
@@ -129,7 +129,7 @@ def test_a_lobe_that_is_not_seen_is_told_after_what_is_not_determined() -> None:
 
 
 def test_noise_that_was_estimated_is_told() -> None:
-    capture = replace(STUDIO.photograph(Lambert(0.6), 0), noise_given=False)
+    capture = changed(STUDIO.photograph(Lambert(0.6), 0), noise_stated=False)
     found = matest.estimate(capture, "lambert")
     assert found.warnings[-1] == "Noise was estimated from the images: read 0.002, gain 0.0005 of full scale."
 
@@ -162,7 +162,7 @@ def test_a_second_body_that_is_left_out_is_told() -> None:
 
 
 def test_saturated_pixels_are_counted_among_what_was_skipped() -> None:
-    capture = replace(STUDIO.photograph(Lambert(0.6), 0), encoding=Encoding(saturation=0.5))
+    capture = changed(STUDIO.photograph(Lambert(0.6), 0), encoding=Encoding(saturation=0.5))
     counts = matest.estimate(capture, "lambert", holdout=[5]).skipped["samples"]
     assert counts["saturated"] > 0
     assert counts["held_out"] == 24 * 24

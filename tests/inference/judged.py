@@ -9,12 +9,12 @@ import torch
 from torch import Tensor
 
 from matest.capture import Capture
-from matest.estimation.specification import Constraints, Value, specify
+from matest.estimation.options import Options, Value
+from matest.estimation.specification import specify
 from matest.estimators import Solution, Statistics, fit
 from matest.estimators.moments import scores
 from matest.inference.posterior import Posterior, judge
-from matest.photographs.samples import Samples
-from matest.samples.groups import Groups
+from matest.samples import Groups, Samples
 from tests.problems import problem
 
 
@@ -43,7 +43,7 @@ def judged(
     """Fit and judge without any of what `estimate` does beside."""
     specification = specify(
         expression,
-        Constraints(fix or {}, free, tie or {}),
+        Options(fix=fix or {}, free=free, tie=tie or {}),
         channels=capture.channels,
         relative=capture.relative,
         scene=capture.scene,
