@@ -12,7 +12,7 @@ from torch import Tensor
 
 from matest.brdf import Brdf
 from matest.brdf.terms import Factor
-from matest.parameters import Domain, Parameter
+from matest.parameters import Domain, Parameter, Role
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Problem:
         declared = self.declared(name)
         if declared.periodic:
             return Domain(-math.inf, math.inf)
-        if declared.gauge:
+        if declared.role is Role.GAUGE:
             return Domain(declared.domain.lower, self.gauge_limit)
         carries_scale = self.relative and name in self.brdf.structure.scales
         return declared.domain.lifted() if carries_scale else declared.domain
@@ -85,7 +85,7 @@ class Problem:
     @property
     def gauges(self) -> list[str]:
         """Free parameters that stand for the unknown light scale."""
-        return [name for name in self.free if self.declared(name).gauge]
+        return [name for name in self.free if self.declared(name).role is Role.GAUGE]
 
     def count(self, name: str) -> int:
         """Number of unknowns of a parameter: one, or one per channel."""

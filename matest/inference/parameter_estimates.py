@@ -14,6 +14,7 @@ from matest.inference.error_bars import ErrorBars
 from matest.inference.profiles import Profile, Surroundings, surroundings
 from matest.inference.quantities import ParameterEstimate
 from matest.inference.unseen import bent, faint, flat_at_bound, locked_with_unseen, unseen_amplitudes, widening
+from matest.parameters import Role
 
 # No better known than a value drawn evenly from the domain (its std is width/√12): not determined.
 _KNOWS_NOTHING = 1 / math.sqrt(12)
@@ -94,7 +95,7 @@ def parameter_estimates(solution: Solution, bars: ErrorBars) -> dict[str, Parame
             found = parameter_estimate(solution, bars, source)
             status = "tied" if source != name else found.status
             out[name] = replace(found, status=status, unit=declared.unit, doc=declared.doc)
-        elif not declared.gauge or float(value) != 1:
+        elif declared.role is not Role.GAUGE or float(value) != 1:
             out[name] = ParameterEstimate(value.tolist(), None, None, declared.unit, "fixed", declared.doc)
     for name in problem.brdf.declared:
         if problem.declared(name).ratio is not None:
