@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
+from enum import Enum
 from functools import cache
 from typing import Any
 
@@ -65,6 +66,22 @@ unit_interval = interval(0, 1)
 non_negative = interval(0, math.inf)
 
 
+class Role(Enum):
+    """What a parameter is to an estimate, where neither its domain nor the terms of its model tell."""
+
+    NONE = "nothing beside that"
+    BODY = "albedo of a diffuse part, held at 0 beside a diffuse model"
+    FRESNEL = "reflectance at normal incidence, seen as a product with the strength of the highlight"
+    GAUGE = "tied to the unknown common light scale: 1 when radiometry is absolute, unknown when it is relative"
+    WAVELENGTH = "wavelength of each channel in µm, which the camera gives"
+    SOLID_ANGLE = "solid angle of the lights in sr, which they give"
+    YARDSTICK = "held at a value that nothing depends on: only ratios to it have an effect"
+
+
+# What light and camera give, and who should say it in a capture.
+OPTICS = {Role.WAVELENGTH: "[camera]", Role.SOLID_ANGLE: "the lights"}
+
+
 @dataclasses.dataclass(frozen=True)
 class Parameter:
     """What is known of a parameter before any image is seen.
@@ -75,14 +92,12 @@ class Parameter:
         doc: what it is, in the field's words.
         per_channel: albedo-like; an estimate gives every colour channel its own value.
         held: value at which an estimate holds it unless the capture determines it (None: always estimated).
-        gauge: tied to the unknown common light scale: 1 when radiometry is absolute, unknown when it is relative.
+        role: what it is to an estimate beside that.
         log: varies over decades, so it is searched on a logarithmic grid.
         when: the parameter exists only while these options of its model have one of these values.
         variants: other attributes that it has while these options have one of these values.
         periodic: the ends of the domain are the same value.
-        arbitrary: held at a value that nothing depends on: only the ratios to it have an effect.
         ratio: (name, numerator): an estimate reports numerator / value under that name.
-        optics: light or camera give it, under the same name (`Scene.optics`).
     """
 
     domain: Domain
@@ -90,14 +105,12 @@ class Parameter:
     doc: str
     per_channel: bool = False
     held: float | None = None
-    gauge: bool = False
+    role: Role = Role.NONE
     log: bool = False
     when: Mapping[str, tuple[str, ...]] = dataclasses.field(default_factory=dict)
     variants: tuple[tuple[Mapping[str, tuple[str, ...]], Mapping[str, Any]], ...] = ()
     periodic: bool = False
-    arbitrary: bool = False
     ratio: tuple[str, str] | None = None
-    optics: bool = False
 
     def under(self, options: Mapping[str, str]) -> Parameter | None:
         """The declaration under a model's options; None where the parameter does not exist."""

@@ -10,6 +10,8 @@ import torch
 import matest
 from matest.brdf import Brdf, model
 from matest.capture import Capture
+from matest.estimation.options import Options
+from matest.estimation.specification import specify
 from matest.photographs.noise import Noise
 from tests.captures import changed, directional
 from tests.simulated import DIRECTIONS, Studio
@@ -120,6 +122,18 @@ def test_what_the_capture_does_not_say_is_assumed_and_said_so() -> None:
     found = matest.estimate(capture, "li-torrance(coherent=on)")
     assert any("solid_angle is taken as 0.0005 sr" in warning for warning in found.warnings)
     assert any("wavelength is taken as 0.55 µm" in warning for warning in found.warnings)
+
+
+@pytest.mark.parametrize("expression", [MIRROR, "li-torrance-coherent", "he-torrance(coherent=on)"])
+def test_wavelength_and_solid_angle_come_from_the_capture_and_are_never_estimated(expression: str) -> None:
+    dark = Studio(size=24).photograph(material("lambert", albedo=0.3))
+    silent = specify(expression, Options(), channels=1, relative=False, scene=dark.scene)
+    assert silent.assumed == ("wavelength", "solid_angle")
+    assert not {"wavelength", "solid_angle"} & {*silent.problem.free, *silent.default_held}
+    said = specify(expression, Options(), channels=1, relative=False, scene=lit_by(dark, 0.05, [0.61]).scene)
+    assert said.problem.held["wavelength"].tolist() == [0.61]
+    assert float(said.problem.held["solid_angle"]) == 0.05
+    assert said.assumed == ()
 
 
 def test_lights_of_different_size_need_a_word() -> None:

@@ -15,7 +15,7 @@ from matest.brdf.structure import Structure, joined, structure_of
 from matest.brdf.terms import Term
 from matest.directions import Directions, above_horizon
 from matest.errors import InputError, nearest
-from matest.parameters import Parameter, options_of, parameters_of
+from matest.parameters import Parameter, Role, options_of, parameters_of
 
 Options = tuple[tuple[str, str], ...]
 
@@ -94,7 +94,7 @@ class Brdf:
         # A gauge that is not 1 is another model: interreflection = 0 drops it.
         for name, declared in self.declared.items():
             value = self.parameters[name]
-            if declared.gauge and value.ndim == 0 and not value.requires_grad and float(value) == 0:
+            if declared.role is Role.GAUGE and value.ndim == 0 and not value.requires_grad and float(value) == 0:
                 changed.append(f"{name}=false")
         return f"{self.name}({','.join(changed)})" if changed else self.name
 

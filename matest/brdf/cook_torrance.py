@@ -9,6 +9,7 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
+from matest.brdf import declarations
 from matest.brdf.base import Brdf
 from matest.brdf.fresnel import colour_shift_weight, conductor, dielectric, schlick_weight
 from matest.brdf.microfacet import beckmann, gaussian, ggx, smith_beckmann, smith_ggx, v_cavity
@@ -28,7 +29,6 @@ _SHARES: dict[str, list[tuple[str | Factor, ...]]] = {
     "3": [(complement_of("weight_2"),), ("weight_2", complement_of("weight_3")), ("weight_2", "weight_3")],
 }
 
-_SLOPE = interval(1e-3, 1)
 _SEVERAL = {"lobes": ("2", "3")}
 _COLOURED = {"fresnel": ("schlick", "colour-shift")}
 _METALLIC = {"fresnel": ("schlick", "colour-shift", "conductor")}
@@ -61,23 +61,12 @@ class CookTorrance(Brdf):
     not dimmed by the surface on it.
     """
 
-    diffuse: Tensor = parameter(unit_interval, unit="1", doc="albedo of the body", default=0.5, per_channel=True)
-    specular: Tensor = parameter(
-        unit_interval,
-        unit="1",
-        doc="weight of the surface reflection s",
-        default=1.0,
-        per_channel=True,
-        variants=((_METALLIC, {"held": 1.0}),),
+    diffuse: Tensor = declarations.diffuse()
+    specular: Tensor = declarations.amplitude(
+        "weight of the surface reflection s", 1.0, variants=((_METALLIC, {"held": 1.0}),)
     )
-    slope: Tensor = parameter(_SLOPE, unit="1", doc="rms slope of the facets m", default=0.2, log=True)
-    f0: Tensor = parameter(
-        unit_interval,
-        unit="1",
-        doc="reflectance at normal incidence",
-        default=0.04,
-        held=0.04,
-        log=True,
+    slope: Tensor = declarations.slope("rms slope of the facets m", 0.2)
+    f0: Tensor = declarations.f0(
         when={"fresnel": ("dielectric", "schlick", "colour-shift")},
         variants=((_COLOURED, {"per_channel": True, "held": None}),),
     )
@@ -106,12 +95,8 @@ class CookTorrance(Brdf):
         per_channel=True,
         when={"fresnel": ("conductor",)},
     )
-    slope_2: Tensor = parameter(
-        _SLOPE, unit="1", doc="rms slope of the second lobe", default=0.4, log=True, when=_SEVERAL
-    )
-    slope_3: Tensor = parameter(
-        _SLOPE, unit="1", doc="rms slope of the third lobe", default=0.6, log=True, when={"lobes": ("3",)}
-    )
+    slope_2: Tensor = declarations.slope("rms slope of the second lobe", 0.4, when=_SEVERAL)
+    slope_3: Tensor = declarations.slope("rms slope of the third lobe", 0.6, when={"lobes": ("3",)})
     weight_2: Tensor = parameter(
         unit_interval, unit="1", doc="share of the further lobes w₂", default=0.5, when=_SEVERAL
     )

@@ -8,6 +8,7 @@ from typing import ClassVar
 
 from torch import Tensor
 
+from matest.brdf import declarations
 from matest.brdf.base import Brdf
 from matest.brdf.terms import Term
 from matest.directions import Directions
@@ -32,7 +33,7 @@ class Eon(Brdf):
     Kutz & Hill 2024. Limits: r = 0 is Lambert exactly; ρ = 1 reflects all light in every direction.
     """
 
-    albedo: Tensor = parameter(unit_interval, unit="1", doc="single-scattering albedo ρ", default=0.5, per_channel=True)
+    albedo: Tensor = declarations.albedo("single-scattering albedo ρ")
     diffuse_roughness: Tensor = parameter(unit_interval, unit="1", doc="roughness r, 0 to 1", default=0.3)
 
     name: ClassVar[str] = "eon"

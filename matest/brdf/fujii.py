@@ -9,10 +9,10 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
+from matest.brdf import declarations
 from matest.brdf.base import Brdf
 from matest.brdf.terms import Term, mixture
 from matest.directions import Directions
-from matest.parameters import interval, non_negative, parameter, unit_interval
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,13 +29,9 @@ class Fujii(Brdf):
     everywhere; the albedo exceeds 1 by up to 2.9 % when ρ > 0.97.
     """
 
-    albedo: Tensor = parameter(unit_interval, unit="1", doc="facet albedo ρ", default=0.5, per_channel=True)
-    sigma: Tensor = parameter(
-        interval(0, math.pi / 2), unit="rad", doc="std. deviation of the facet slope angle", default=0.3
-    )
-    interreflection: Tensor = parameter(
-        non_negative, unit="1", doc="strength of the second bounce", default=1.0, gauge=True
-    )
+    albedo: Tensor = declarations.albedo()
+    sigma: Tensor = declarations.sigma()
+    interreflection: Tensor = declarations.interreflection()
 
     name: ClassVar[str] = "fujii"
     source: ClassVar[str] = "Fujii, A tiny improvement of Oren-Nayar reflectance model"

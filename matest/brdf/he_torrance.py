@@ -9,12 +9,13 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
+from matest.brdf import declarations
 from matest.brdf.base import Brdf
 from matest.brdf.fresnel import schlick_weight
 from matest.brdf.li_torrance import mirror_kernel
 from matest.brdf.terms import Term, complement_of
 from matest.directions import Directions
-from matest.parameters import interval, option, parameter, unit_interval
+from matest.parameters import option
 
 # Terms of the series kept, and pairs worked on at once.
 _TERMS, _TILE = 256, 256
@@ -39,24 +40,13 @@ class HeTorrance(Brdf):
     D is Li and Torrance's; coherent and diffuse light together are 1 at normal incidence and F = 1.
     """
 
-    k_dd: Tensor = parameter(
-        unit_interval, unit="1", doc="scale of the directional light", default=0.5, per_channel=True
-    )
-    k_ud: Tensor = parameter(
-        unit_interval, unit="1", doc="reflectance by even scattering", default=0.2, per_channel=True
-    )
-    f0: Tensor = parameter(
-        unit_interval, unit="1", doc="reflectance at normal incidence", default=0.04, held=0.04, log=True
-    )
-    height_rms: Tensor = parameter(interval(0.01, 2), unit="µm", doc="rms height σ0", default=0.5, log=True)
-    correlation_length: Tensor = parameter(
-        interval(1, 100), unit="µm", doc="correlation length τ", default=5.0, log=True
-    )
-    wavelength: Tensor = parameter(interval(0.2, 2), unit="µm", doc="wavelength λ", default=0.55, held=0.55)
-    solid_angle: Tensor = parameter(
-        interval(1e-5, 1), unit="sr", doc="solid angle of the source", default=5e-4, held=5e-4, log=True,
-        when={"coherent": ("on",)},
-    )  # fmt: skip
+    k_dd: Tensor = declarations.amplitude("scale of the directional light")
+    k_ud: Tensor = declarations.amplitude("reflectance by even scattering", 0.2)
+    f0: Tensor = declarations.f0()
+    height_rms: Tensor = declarations.height_rms("rms height σ0", 0.5)
+    correlation_length: Tensor = declarations.correlation_length()
+    wavelength: Tensor = declarations.wavelength()
+    solid_angle: Tensor = declarations.solid_angle(when={"coherent": ("on",)})
     coherent: str = option("off", choices=("off", "on"), doc="mirror-like reflection")
 
     name: ClassVar[str] = "he-torrance"

@@ -9,11 +9,12 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
+from matest.brdf import declarations
 from matest.brdf.base import Brdf
 from matest.brdf.microfacet import decay
 from matest.brdf.terms import Term
 from matest.directions import Directions
-from matest.parameters import interval, parameter, unit_interval
+from matest.parameters import interval, parameter
 
 _COEFFICIENT = interval(-1.2, 1.2)
 
@@ -28,8 +29,8 @@ class Lafortune(Brdf):
     Phong's normalised lobe.
     """
 
-    diffuse: Tensor = parameter(unit_interval, unit="1", doc="albedo of the body", default=0.5, per_channel=True)
-    specular: Tensor = parameter(unit_interval, unit="1", doc="weight of the lobe", default=0.1, per_channel=True)
+    diffuse: Tensor = declarations.diffuse()
+    specular: Tensor = declarations.amplitude("weight of the lobe", 0.1)
     c_xy: Tensor = parameter(_COEFFICIENT, unit="1", doc="coefficient along the surface", default=-1.0)
     c_z: Tensor = parameter(_COEFFICIENT, unit="1", doc="coefficient along the normal", default=1.0)
     exponent: Tensor = parameter(interval(1, 100), unit="1", doc="exponent n", default=10.0, log=True)

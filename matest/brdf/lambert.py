@@ -9,17 +9,17 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
+from matest.brdf import declarations
 from matest.brdf.base import Brdf
 from matest.brdf.terms import Term
 from matest.directions import Directions
-from matest.parameters import parameter, unit_interval
 
 
 @dataclass(frozen=True, eq=False)
 class Lambert(Brdf):
     """f = albedo / π: the radiance of the surface does not depend on the direction of view."""
 
-    albedo: Tensor = parameter(unit_interval, unit="1", doc="albedo", default=0.5, per_channel=True)
+    albedo: Tensor = declarations.albedo("albedo")
 
     name: ClassVar[str] = "lambert"
     source: ClassVar[str] = "Lambert 1760"

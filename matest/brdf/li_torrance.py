@@ -9,13 +9,14 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
+from matest.brdf import declarations
 from matest.brdf.base import Brdf
 from matest.brdf.fresnel import schlick_weight
 from matest.brdf.microfacet import decay
-from matest.brdf.rough_surface import HEIGHT, Roughness, RoughSurface
+from matest.brdf.rough_surface import Roughness, RoughSurface
 from matest.brdf.terms import Term, complement_of
 from matest.directions import Directions
-from matest.parameters import interval, option, parameter, unit_interval
+from matest.parameters import Role, option
 
 _SWITCH = ("on", "off")
 _COHERENT = {"coherent": ("on",)}
@@ -35,9 +36,7 @@ class DirectionalDiffuse(RoughSurface):
     masking the albedo diverges at grazing incidence.
     """
 
-    k_dd: Tensor = parameter(
-        unit_interval, unit="1", doc="scale of the directional-diffuse light", default=0.5, per_channel=True
-    )
+    k_dd: Tensor = declarations.amplitude("scale of the directional-diffuse light")
 
     name: ClassVar[str] = "li-torrance-directional"
     source: ClassVar[str] = "Li & Torrance 2005, eq. 9-10"
@@ -53,9 +52,7 @@ class FirstSurfaceDiffuse(Brdf):
     Source: Li & Torrance 2005, eq. 11.
     """
 
-    k_udf: Tensor = parameter(
-        unit_interval, unit="1", doc="reflectance by multiple scattering", default=0.3, per_channel=True
-    )
+    k_udf: Tensor = declarations.k_udf()
 
     name: ClassVar[str] = "li-torrance-uniform"
     source: ClassVar[str] = "Li & Torrance 2005, eq. 11"
@@ -72,12 +69,8 @@ class SubsurfaceDiffuse(Brdf):
     Source: Li & Torrance 2005, eq. 12, with Schlick's F at the angles to the mean surface.
     """
 
-    k_uds: Tensor = parameter(
-        unit_interval, unit="1", doc="reflectance by subsurface scattering", default=0.5, per_channel=True
-    )
-    f0: Tensor = parameter(
-        unit_interval, unit="1", doc="reflectance at normal incidence", default=0.04, held=0.04, log=True
-    )
+    k_uds: Tensor = declarations.k_uds()
+    f0: Tensor = declarations.f0()
 
     name: ClassVar[str] = "li-torrance-subsurface"
     source: ClassVar[str] = "Li & Torrance 2005, eq. 12"
@@ -102,9 +95,7 @@ class ForwardScattering(RoughSurface):
     Source: Li & Torrance 2005, eq. 13-14 (anisotropic: eq. 26 with the azimuth of the light).
     """
 
-    k_fs: Tensor = parameter(
-        interval(0, 10), unit="1", doc="scale of the forward-scattered light", default=1.0, per_channel=True
-    )
+    k_fs: Tensor = declarations.k_fs()
     law: str = option("printed", choices=("printed", "reciprocal"), doc="dependence on the azimuth")
 
     name: ClassVar[str] = "li-torrance-forward"
@@ -128,16 +119,10 @@ class Coherent(RoughSurface):
     Source: Li & Torrance 2005, eq. 2-4 and 16.
     """
 
-    k_dd: Tensor = parameter(
-        unit_interval, unit="1", doc="scale of the mirror-like light", default=0.5, per_channel=True
-    )
-    height_rms: Tensor = parameter(HEIGHT, unit="µm", doc="rms height σ", default=1.0, log=True)
-    wavelength: Tensor = parameter(
-        interval(0.2, 2), unit="µm", doc="wavelength λ", default=0.55, held=0.55, optics=True
-    )
-    solid_angle: Tensor = parameter(
-        interval(1e-5, 1), unit="sr", doc="solid angle of the source", default=5e-4, held=5e-4, log=True, optics=True
-    )
+    k_dd: Tensor = declarations.amplitude("scale of the mirror-like light")
+    height_rms: Tensor = declarations.height_rms()
+    wavelength: Tensor = declarations.wavelength()
+    solid_angle: Tensor = declarations.solid_angle()
 
     name: ClassVar[str] = "li-torrance-coherent"
     source: ClassVar[str] = "Li & Torrance 2005, eq. 2-4, 16"
@@ -163,33 +148,15 @@ class LiTorrance(RoughSurface):
     Source: Li & Torrance 2005, eq. 3-14 and 20-26.
     """
 
-    k_dd: Tensor = parameter(
-        unit_interval, unit="1", doc="scale of the directional light", default=0.5, per_channel=True,
-        when={"directional": ("on",)},
-    )  # fmt: skip
-    k_udf: Tensor = parameter(
-        unit_interval, unit="1", doc="reflectance by multiple scattering", default=0.3, per_channel=True,
-        when={"uniform": ("on",)},
-    )  # fmt: skip
-    k_uds: Tensor = parameter(
-        unit_interval, unit="1", doc="reflectance by subsurface scattering", default=0.5, per_channel=True,
-        when={"subsurface": ("on",)},
-    )  # fmt: skip
-    k_fs: Tensor = parameter(
-        interval(0, 10), unit="1", doc="scale of the forward-scattered light", default=1.0, per_channel=True,
-        when={"forward": ("on",)},
-    )  # fmt: skip
-    height_rms: Tensor = parameter(
-        HEIGHT, unit="µm", doc="rms height σ", default=1.0, held=1.0, log=True, arbitrary=True,
-        variants=((_COHERENT, {"held": None, "arbitrary": False}),),
-    )  # fmt: skip
-    wavelength: Tensor = parameter(
-        interval(0.2, 2), unit="µm", doc="wavelength λ", default=0.55, held=0.55, when=_COHERENT, optics=True
+    k_dd: Tensor = declarations.amplitude("scale of the directional light", when={"directional": ("on",)})
+    k_udf: Tensor = declarations.k_udf(when={"uniform": ("on",)})
+    k_uds: Tensor = declarations.k_uds(when={"subsurface": ("on",)})
+    k_fs: Tensor = declarations.k_fs(when={"forward": ("on",)})
+    height_rms: Tensor = declarations.height_rms(
+        held=1.0, role=Role.YARDSTICK, variants=((_COHERENT, {"held": None, "role": Role.NONE}),)
     )
-    solid_angle: Tensor = parameter(
-        interval(1e-5, 1), unit="sr", doc="solid angle of the source", default=5e-4, held=5e-4, log=True,
-        when=_COHERENT, optics=True,
-    )  # fmt: skip
+    wavelength: Tensor = declarations.wavelength(when=_COHERENT)
+    solid_angle: Tensor = declarations.solid_angle(when=_COHERENT)
     directional: str = option("on", choices=_SWITCH, doc="directional-diffuse reflection (eq. 9)")
     uniform: str = option("off", choices=_SWITCH, doc="first-surface uniform-diffuse reflection (eq. 11)")
     subsurface: str = option("on", choices=_SWITCH, doc="subsurface uniform-diffuse reflection (eq. 12)")

@@ -9,11 +9,11 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
+from matest.brdf import declarations
 from matest.brdf.base import Brdf
 from matest.brdf.microfacet import decay
 from matest.brdf.terms import Term
 from matest.directions import Directions
-from matest.parameters import interval, parameter, unit_interval
 
 
 def mirror_power(directions: Directions, exponent: Tensor) -> Tensor:
@@ -35,9 +35,9 @@ class NeumannNeumann(Brdf):
     albedo 1.0003 at most, for n = 1.
     """
 
-    diffuse: Tensor = parameter(unit_interval, unit="1", doc="albedo of the body", default=0.5, per_channel=True)
-    specular: Tensor = parameter(unit_interval, unit="1", doc="weight of the highlight", default=0.1, per_channel=True)
-    exponent: Tensor = parameter(interval(1, 1e4), unit="1", doc="exponent n", default=50.0, log=True)
+    diffuse: Tensor = declarations.diffuse()
+    specular: Tensor = declarations.amplitude("weight of the highlight", 0.1)
+    exponent: Tensor = declarations.exponent()
 
     name: ClassVar[str] = "neumann-neumann"
     source: ClassVar[str] = "Neumann, Neumann & Szirmay-Kalos 1999"

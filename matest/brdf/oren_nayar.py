@@ -9,10 +9,10 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
+from matest.brdf import declarations
 from matest.brdf.base import Brdf
 from matest.brdf.terms import Term, mixture
 from matest.directions import Directions
-from matest.parameters import interval, non_negative, parameter, unit_interval
 
 # Cosines below this count as this in quotients: the model is unbounded at double grazing (cos θi · f is not).
 _COS_FLOOR = 1e-6
@@ -37,13 +37,9 @@ class OrenNayar(Brdf):
     incidence when ρ > 0.95 and σ is 1.5° to 35°. Two bounces only, so ρ = 1 is not a white surface.
     """
 
-    albedo: Tensor = parameter(unit_interval, unit="1", doc="facet albedo ρ", default=0.5, per_channel=True)
-    sigma: Tensor = parameter(
-        interval(0, math.pi / 2), unit="rad", doc="std. deviation of the facet slope angle", default=0.3
-    )
-    interreflection: Tensor = parameter(
-        non_negative, unit="1", doc="strength of the second bounce", default=1.0, gauge=True
-    )
+    albedo: Tensor = declarations.albedo()
+    sigma: Tensor = declarations.sigma()
+    interreflection: Tensor = declarations.interreflection()
 
     name: ClassVar[str] = "oren-nayar"
     source: ClassVar[str] = "Oren & Nayar 1994, eq. 14-16"

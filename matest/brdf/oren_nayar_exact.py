@@ -12,11 +12,11 @@ import torch
 from scipy.special import roots_legendre
 from torch import Tensor
 
-from matest.brdf import groove
+from matest.brdf import declarations, groove
 from matest.brdf.base import Brdf
 from matest.brdf.terms import Term, mixture
 from matest.directions import Directions
-from matest.parameters import interval, non_negative, option, parameter, unit_interval
+from matest.parameters import option
 
 # Slopes × orientations of grooves: for direct light, and for the second bounce, which is smoother and costs more.
 _NODES = {"16x16": ((16, 16), (12, 12)), "24x32": ((24, 32), (16, 16)), "48x64": ((48, 64), (24, 32))}
@@ -50,13 +50,9 @@ class OrenNayarExact(Brdf):
     light (90 % at σ = 30°).
     """
 
-    albedo: Tensor = parameter(unit_interval, unit="1", doc="facet albedo ρ", default=0.5, per_channel=True)
-    sigma: Tensor = parameter(
-        interval(0, math.pi / 2), unit="rad", doc="std. deviation of the facet slope angle", default=0.3
-    )
-    interreflection: Tensor = parameter(
-        non_negative, unit="1", doc="strength of the second bounce", default=1.0, gauge=True
-    )
+    albedo: Tensor = declarations.albedo()
+    sigma: Tensor = declarations.sigma()
+    interreflection: Tensor = declarations.interreflection()
     nodes: str = option("24x32", choices=tuple(_NODES), doc="slopes and orientations in the integral")
 
     name: ClassVar[str] = "oren-nayar-exact"

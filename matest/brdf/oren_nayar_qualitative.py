@@ -9,10 +9,10 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
+from matest.brdf import declarations
 from matest.brdf.base import Brdf
 from matest.brdf.terms import Term, mixture
 from matest.directions import Directions
-from matest.parameters import interval, parameter, unit_interval
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,10 +29,8 @@ class OrenNayarQualitative(Brdf):
     of the Lambert radiance (rms) and by half of it in the forward half-plane: fit and predict with the same one.
     """
 
-    albedo: Tensor = parameter(unit_interval, unit="1", doc="facet albedo ρ", default=0.5, per_channel=True)
-    sigma: Tensor = parameter(
-        interval(0, math.pi / 2), unit="rad", doc="std. deviation of the facet slope angle", default=0.3
-    )
+    albedo: Tensor = declarations.albedo()
+    sigma: Tensor = declarations.sigma()
 
     name: ClassVar[str] = "oren-nayar-qualitative"
     source: ClassVar[str] = "Oren & Nayar 1994, eq. 17"

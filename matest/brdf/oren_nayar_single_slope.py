@@ -8,11 +8,11 @@ from typing import ClassVar
 
 from torch import Tensor
 
-from matest.brdf import groove
+from matest.brdf import declarations, groove
 from matest.brdf.base import Brdf
 from matest.brdf.terms import Term
 from matest.directions import Directions
-from matest.parameters import interval, non_negative, option, parameter, unit_interval
+from matest.parameters import interval, option, parameter
 
 # Orientations in the mean over azimuth.
 _ORIENTATIONS = 64
@@ -36,7 +36,7 @@ class OrenNayarSingleSlope(Brdf):
     where facets stand upright. Kinks where a facet begins to be shadowed or masked.
     """
 
-    albedo: Tensor = parameter(unit_interval, unit="1", doc="facet albedo ρ", default=0.5, per_channel=True)
+    albedo: Tensor = declarations.albedo()
     facet_angle: Tensor = parameter(interval(0, math.radians(89)), unit="rad", doc="tilt of every facet", default=0.3)
     azimuth: Tensor = parameter(
         interval(0, math.pi),
@@ -46,9 +46,7 @@ class OrenNayarSingleSlope(Brdf):
         when={"isotropic": ("false",)},
         periodic=True,
     )
-    interreflection: Tensor = parameter(
-        non_negative, unit="1", doc="strength of the second bounce", default=1.0, gauge=True
-    )
+    interreflection: Tensor = declarations.interreflection()
     isotropic: str = option("false", choices=("false", "true"), doc="grooves of every orientation")
 
     name: ClassVar[str] = "oren-nayar-single-slope"

@@ -9,13 +9,13 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from matest.brdf import declarations
 from matest.brdf.base import Brdf
 from matest.brdf.microfacet import beckmann, beckmann_anisotropic
 from matest.directions import Directions
 from matest.errors import InputError
-from matest.parameters import interval, option, parameter, unit_interval
+from matest.parameters import Role, option
 
-HEIGHT, _LENGTH = interval(0.01, 2), interval(1, 100)
 _ISOTROPIC, _ANISOTROPIC = {"anisotropy": ("none",)}, {"anisotropy": ("printed", "corrected")}
 # Cosines below this count as this: at grazing the roughness of eq. 8 ends.
 _COS_FLOOR = 1e-4
@@ -36,24 +36,15 @@ class RoughSurface(Brdf):
     that of eq. 25 as `printed`, or `corrected` to the slope along the azimuth.
     """
 
-    f0: Tensor = parameter(
-        unit_interval, unit="1", doc="reflectance at normal incidence", default=0.04, held=0.04, log=True
+    f0: Tensor = declarations.f0()
+    height_rms: Tensor = declarations.height_rms(held=1.0, role=Role.YARDSTICK)
+    correlation_length: Tensor = declarations.correlation_length(when=_ISOTROPIC, ratio=("slope_ratio", "height_rms"))
+    correlation_length_x: Tensor = declarations.correlation_length(
+        "correlation length along the tangent", when=_ANISOTROPIC, ratio=("slope_ratio_x", "height_rms")
     )
-    height_rms: Tensor = parameter(
-        HEIGHT, unit="µm", doc="rms height σ", default=1.0, held=1.0, log=True, arbitrary=True
+    correlation_length_y: Tensor = declarations.correlation_length(
+        "correlation length along the bitangent", 10.0, when=_ANISOTROPIC, ratio=("slope_ratio_y", "height_rms")
     )
-    correlation_length: Tensor = parameter(
-        _LENGTH, unit="µm", doc="correlation length τ", default=5.0, log=True, when=_ISOTROPIC,
-        ratio=("slope_ratio", "height_rms"),
-    )  # fmt: skip
-    correlation_length_x: Tensor = parameter(
-        _LENGTH, unit="µm", doc="correlation length along the tangent", default=5.0, log=True, when=_ANISOTROPIC,
-        ratio=("slope_ratio_x", "height_rms"),
-    )  # fmt: skip
-    correlation_length_y: Tensor = parameter(
-        _LENGTH, unit="µm", doc="correlation length along the bitangent", default=10.0, log=True, when=_ANISOTROPIC,
-        ratio=("slope_ratio_y", "height_rms"),
-    )  # fmt: skip
     masking: str = option("on", choices=("on", "off"), doc="shadowing, masking and effective roughness")
     anisotropy: str = option("none", choices=("none", "printed", "corrected"), doc="law of the azimuth")
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import ClassVar
 
 from torch import Tensor
 
+from matest.brdf import declarations
 from matest.brdf.base import Brdf
 from matest.brdf.microfacet import decay, v_cavity
 from matest.brdf.terms import Term
 from matest.directions import Directions
-from matest.parameters import interval, parameter, unit_interval
 
 _SIGMA_FLOOR = 1e-3
 
@@ -30,16 +29,8 @@ class TorranceSparrow(Brdf):
     albedo at ks = 1 is 2.3 at normal incidence for σ = 20° and grows with σ, so ks of real surfaces is a few per cent.
     """
 
-    specular: Tensor = parameter(
-        unit_interval,
-        unit="1",
-        doc="strength of the surface reflection ks",
-        default=0.02,
-        per_channel=True,
-    )
-    sigma: Tensor = parameter(
-        interval(0, math.pi / 2), unit="rad", doc="std. deviation of the facet slope angle", default=0.3
-    )
+    specular: Tensor = declarations.amplitude("strength of the surface reflection ks", 0.02)
+    sigma: Tensor = declarations.sigma()
 
     name: ClassVar[str] = "torrance-sparrow"
     source: ClassVar[str] = "Oren & Nayar 1994, §4; Torrance & Sparrow 1967"

@@ -9,13 +9,12 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
+from matest.brdf import declarations
 from matest.brdf.base import Brdf
 from matest.brdf.microfacet import beckmann, beckmann_anisotropic
 from matest.brdf.terms import Term
 from matest.directions import Directions
-from matest.parameters import interval, option, parameter, unit_interval
-
-_SLOPE = interval(1e-3, 1)
+from matest.parameters import option
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,17 +31,11 @@ class Ward(Brdf):
     diverges at its very end, `duer` reflects more than arrives.
     """
 
-    diffuse: Tensor = parameter(unit_interval, unit="1", doc="albedo of the body", default=0.5, per_channel=True)
-    specular: Tensor = parameter(unit_interval, unit="1", doc="weight of the highlight", default=0.1, per_channel=True)
-    slope: Tensor = parameter(
-        _SLOPE, unit="1", doc="rms slope a", default=0.2, log=True, when={"anisotropy": ("none",)}
-    )
-    slope_x: Tensor = parameter(
-        _SLOPE, unit="1", doc="rms slope along the tangent", default=0.2, log=True, when={"anisotropy": ("axes",)}
-    )
-    slope_y: Tensor = parameter(
-        _SLOPE, unit="1", doc="rms slope along the bitangent", default=0.4, log=True, when={"anisotropy": ("axes",)}
-    )
+    diffuse: Tensor = declarations.diffuse()
+    specular: Tensor = declarations.amplitude("weight of the highlight", 0.1)
+    slope: Tensor = declarations.slope("rms slope a", 0.2, when={"anisotropy": ("none",)})
+    slope_x: Tensor = declarations.slope("rms slope along the tangent", 0.2, when={"anisotropy": ("axes",)})
+    slope_y: Tensor = declarations.slope("rms slope along the bitangent", 0.4, when={"anisotropy": ("axes",)})
     form: str = option("ward", choices=("ward", "duer", "bounded"), doc="normalisation of the lobe")
     anisotropy: str = option("none", choices=("none", "axes"), doc="whether slopes differ along tangent and bitangent")
 

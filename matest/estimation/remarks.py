@@ -7,15 +7,16 @@ from collections.abc import Mapping, Sequence
 
 import torch
 
-from matest.brdf import MODELS, Sum
+from matest.brdf import MODELS
 from matest.estimation.result import Candidate
-from matest.estimation.specification import Specification
+from matest.estimation.specification import Specification, beside_body
 from matest.estimators import Solution
 from matest.estimators.covariance import fisher
 from matest.inference.derived import known_by_ratio
 from matest.inference.error_bars import ErrorBars
 from matest.inference.posterior import Posterior
 from matest.inference.quantities import ParameterEstimate
+from matest.parameters import OPTICS, Role
 from matest.photographs.samples import PhotographSamples
 
 # Worth a word of warning: less than this share of the mask is geometry, a fit worse than this (not by noise alone, of
@@ -85,7 +86,7 @@ def skipped(samples: PhotographSamples, solution: Solution, held_out: int, candi
         if alike and all(len(lights) == 1 for lights in scene.lights) and scene.channels > 1:
             work.append("colour: each image has one light, shapes are evaluated once for all channels")
     for name in problem.held:
-        if name.endswith("diffuse") and isinstance(problem.brdf, Sum) and float(problem.held[name]) == 0:
+        if beside_body(problem.brdf, name) and float(problem.held[name]) == 0:
             work.append(f"{name}: another component is the diffuse one")
     every = scene.surface.shape[0] * scene.surface.shape[1]
     counts = {
@@ -148,15 +149,21 @@ def warnings(
             "The common scale of the lights is unknown (relative radiometry): albedo is reported up to that scale."
         )
     for name in specification.default_held:
-        beside = " beside the strength of the highlight" if name.endswith("f0") else ""
+        fresnel = solution.problem.declared(name).role is Role.FRESNEL
+        beside = " beside the strength of the highlight" if fresnel else ""
         out.append(
             f"{name} is held at {float(solution.problem.held[name]):g}: these images do not determine it{beside}; "
             f"--free {name} estimates it all the same, --fix {name}=VALUE sets it."
         )
+    held_f0 = {
+        name.rpartition(".")[0]: name
+        for name in specification.default_held
+        if solution.problem.declared(name).role is Role.FRESNEL
+    }
     for name, parameter in parameters.items():
-        f0 = name.removesuffix(name.rpartition(".")[2]) + "f0"
+        f0 = held_f0.get(name.rpartition(".")[0])
         declared = solution.problem.brdf.declared.get(name)
-        if declared is None or f0 not in specification.default_held or parameter.status != "at bound" or bars.holds:
+        if declared is None or f0 is None or parameter.status != "at bound" or bars.holds:
             continue
         values = solution.problem.values(solution.unknowns)[name]
         if bool((values >= declared.domain.upper).any()) and name in solution.problem.factors:
@@ -166,9 +173,9 @@ def warnings(
             )
     for name in specification.assumed:
         value = float(solution.problem.held[name])
-        unit = solution.problem.declared(name).unit
-        where = "the lights" if name.endswith("solid_angle") else "[camera]"
-        out.append(f"{name} is taken as {value:g} {unit}: {where} of the capture should say it.")
+        declared = solution.problem.declared(name)
+        where = OPTICS[declared.role]
+        out.append(f"{name} is taken as {value:g} {declared.unit}: {where} of the capture should say it.")
     surface = photographs.scene.surface
     if surface.coverage < _COVERED:
         out.append(

@@ -15,12 +15,13 @@ from matest.brdf.base import absent
 from matest.errors import InputError, nearest
 from matest.estimation.options import Options, Value
 from matest.estimators import Problem
+from matest.parameters import OPTICS, Role
 
 
 class Optics(Protocol):
     """What knows of the light and the camera: a scene, or samples."""
 
-    def optics(self, name: str) -> Tensor | None:
+    def optics(self, quantity: Role) -> Tensor | None:
         """See `Scene.optics`."""
 
 
@@ -95,13 +96,18 @@ def specify(
     for name, declared in brdf.declared.items():
         if name in held or name in freed or name in ties:
             continue
-        if declared.gauge and not relative:
+        if declared.role is Role.GAUGE and not relative:
             held[name] = torch.tensor(1.0, dtype=torch.float64)
-        elif _beside_body(brdf, name):
+        elif beside_body(brdf, name):
             held[name] = torch.tensor(0.0, dtype=torch.float64)
         elif declared.held is not None:
             held[name] = torch.tensor(declared.held, dtype=torch.float64)
-            (arbitrary if declared.arbitrary else assumed if declared.optics else default_held).append(name)
+            if declared.role is Role.YARDSTICK:
+                arbitrary.append(name)
+            elif declared.role in OPTICS:
+                assumed.append(name)
+            else:
+                default_held.append(name)
     free = tuple(name for name in brdf.declared if name not in held and name not in ties)
     if relative:
         _check_scale(brdf, free, held, ties)
@@ -122,9 +128,9 @@ def optics(brdf: Brdf, scene: Optics, without: Collection[str] = ()) -> dict[str
     Raises:
         InputError: see `Scene.optics`.
     """
-    wanted = [name for name, declared in brdf.declared.items() if declared.optics and name not in without]
-    found = {name: scene.optics(name.rpartition(".")[2]) for name in wanted}
-    return {name: value.tolist() for name, value in found.items() if value is not None}
+    wanted = {name: declared.role for name, declared in brdf.declared.items() if name not in without}
+    values = {name: scene.optics(role) for name, role in wanted.items() if role in OPTICS}
+    return {name: value.tolist() for name, value in values.items() if value is not None}
 
 
 def resolve(brdf: Brdf, name: str, others: Collection[str] = ()) -> str:
@@ -186,10 +192,10 @@ def by_path(
     return out
 
 
-def _beside_body(brdf: Brdf, name: str) -> bool:
-    """A `diffuse` part beside another diffuse model is left out: the two could not be told apart."""
+def beside_body(brdf: Brdf, name: str) -> bool:
+    """Whether a parameter is the albedo of a diffuse part beside a diffuse model: the two could not be told apart."""
     others = brdf.components if isinstance(brdf, Sum) else ()
-    return name.endswith(".diffuse") and any(component.body for component in others)
+    return brdf.declared[name].role is Role.BODY and any(component.body for component in others)
 
 
 def _kind(brdf: Brdf, name: str) -> tuple[bool, str, bool]:

@@ -14,7 +14,7 @@ from torch import Tensor
 from matest.brdf import Brdf
 from matest.brdf.terms import Factor
 from matest.estimators.statistics import PriorTerms
-from matest.parameters import Domain, Parameter, non_negative
+from matest.parameters import Domain, Parameter, Role, non_negative
 from matest.samples import Groups
 
 # How many unknowns a block has: one, one per channel, or one per image.
@@ -98,7 +98,7 @@ class Problem:
 
         Several gauge parameters stand for one light scale: the first is the block, the others are tied to it.
         """
-        gauges = [name for name in free if brdf.declared[name].gauge]
+        gauges = [name for name in free if brdf.declared[name].role is Role.GAUGE]
         ties = {**ties, **dict.fromkeys(gauges[1:], gauges[0])} if gauges else ties
         blocks = tuple(_parameter(brdf, name, relative) for name in free if name not in gauges[1:])
         return cls(brdf, channels, blocks, held, ties, relative, arbitrary)
@@ -315,9 +315,9 @@ def _parameter(brdf: Brdf, name: str, relative: bool) -> Block:
     domain = declared.domain
     if declared.periodic:
         domain = Domain(-math.inf, math.inf)
-    elif declared.gauge:
+    elif declared.role is Role.GAUGE:
         domain = Domain(domain.lower, math.inf)
     elif relative and name in brdf.structure.scales:
         domain = domain.lifted()
-    kind: Kind = "light_scale" if declared.gauge else "parameter"
+    kind: Kind = "light_scale" if declared.role is Role.GAUGE else "parameter"
     return Block(name, domain, "channel" if declared.per_channel else "one", kind)

@@ -251,7 +251,7 @@ def _levels(
 ) -> list[dict[str, Tensor]]:
     """The values with all shape parameters that nobody gave scaled together, inside their domains."""
     problem = specification.problem
-    open_shapes = [name for name in problem.shapes if name not in given and not problem.declared(name).gauge]
+    open_shapes = [name for name in problem.shapes if name not in {*given, *problem.gauges}]
     out = []
     for level in _LEVELS if open_shapes else ():
         changed = {name: _inside(problem.declared(name).domain, level * values[name]) for name in open_shapes}

@@ -18,6 +18,7 @@ from matest.inference.profiles import Surroundings, surroundings
 from matest.inference.quantities import ParameterEstimate
 from matest.inference.statuses import Verdict, combined, verdicts
 from matest.inference.valleys import Valleys, valleys
+from matest.parameters import Role
 from matest.samples import Samples
 
 
@@ -116,7 +117,7 @@ def _estimates(expansion: Expansion, final: Sequence[Verdict]) -> dict[str, Para
         if source in problem.where:
             estimate = combined(final[problem.where[source]], declared.unit, declared.doc)
             out[name] = replace(estimate, status="tied") if source != name else estimate
-        elif not declared.gauge or float(value) != 1:
+        elif declared.role is not Role.GAUGE or float(value) != 1:
             out[name] = ParameterEstimate(value.tolist(), None, None, declared.unit, "fixed", declared.doc)
     return out
 

@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from matest.parameters import Role
 from matest.photographs.pilot import pilot
 from matest.photographs.pixels import BLOCKS, LitPixels
 from matest.photographs.tiles import ImageTiles
@@ -41,9 +42,9 @@ class PhotographSamples(LitPixels):
         """Blocks of pixels, and the position in `images` of the image that each belongs to."""
         return Groups(torch.arange(len(self.images)).repeat_interleave(BLOCKS))
 
-    def optics(self, name: str) -> Tensor | None:
+    def optics(self, quantity: Role) -> Tensor | None:
         """See `Scene.optics`."""
-        return self.photographs.scene.optics(name)
+        return self.photographs.scene.optics(quantity)
 
     def pilot(self, count: int, seed: int) -> list[Batch]:
         """About `count` samples, spread evenly over images and half angles; one batch, and one group, per image."""

@@ -8,6 +8,7 @@ from typing import Protocol, runtime_checkable
 import torch
 from torch import Tensor
 
+from matest.parameters import Role
 from matest.samples.batch import Batch
 from matest.samples.groups import Groups
 from matest.samples.tiles import Tiles
@@ -43,8 +44,8 @@ class Samples(Protocol):
     def __len__(self) -> int:
         """Number of samples."""
 
-    def optics(self, name: str) -> Tensor | None:
-        """What is known of the `wavelength` of the channels (µm) or the `solid_angle` of the lights (sr)."""
+    def optics(self, quantity: Role) -> Tensor | None:
+        """What is known of the wavelength of the channels (µm) or the solid angle of the lights (sr)."""
 
     def pilot(self, count: int, seed: int) -> list[Batch]:
         """About `count` samples that carry most of what all of them say: every angle, every image."""

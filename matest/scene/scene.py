@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from matest.errors import InputError
+from matest.parameters import Role
 from matest.scene.lights import Light
 from matest.scene.points import Points, illuminate
 from matest.scene.surface import Surface
@@ -46,13 +47,13 @@ class Scene:
     def __len__(self) -> int:
         return len(self.lights)
 
-    def optics(self, name: str) -> Tensor | None:
-        """What is known of the `wavelength` of the channels (µm) or the `solid_angle` of the lights (sr).
+    def optics(self, quantity: Role) -> Tensor | None:
+        """What is known of the wavelength of the channels (µm) or the solid angle of the lights (sr).
 
         Raises:
             InputError: lights of different solid angles.
         """
-        if name == "wavelength":
+        if quantity is Role.WAVELENGTH:
             return self.wavelength
         angles = {light.solid_angle for lights in self.lights for light in lights}
         if len(angles) > 1:

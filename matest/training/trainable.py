@@ -7,6 +7,7 @@ from torch import nn
 
 from matest.brdf import Brdf
 from matest.errors import InputError, nearest
+from matest.parameters import Role
 from matest.samples import Batch
 
 
@@ -42,7 +43,9 @@ class Trainable(nn.Module):
                 raise InputError(f"{brdf.expression} has no parameter '{name}'; {nearest(name, brdf.declared)}")
         self._brdf = brdf
         self._free = [
-            name for name, declared in brdf.declared.items() if name not in fixed and (relative or not declared.gauge)
+            name
+            for name, declared in brdf.declared.items()
+            if name not in fixed and (relative or declared.role is not Role.GAUGE)
         ]
         scales = brdf.structure.scales if relative else frozenset()
         domains = {name: brdf.declared[name].domain for name in self._free}

@@ -12,7 +12,7 @@ from mpmath import mpf
 from matest.brdf import DirectionalDiffuse, HeTorrance
 from matest.brdf.he_torrance import effective_roughness, lambert_w, series, smith_masking
 from tests import tolerances
-from tests.sampling import BACKWARD, FORWARD, LIGHT, degrees, directional_albedo
+from tests.sampling import BACKWARD, FORWARD, LIGHT, degrees, directional_albedo, random_pairs
 
 
 def test_reference_values() -> None:
@@ -99,3 +99,12 @@ def test_light_of_any_wavelength_is_diffuse_at_last() -> None:
     ]
     expected = [1 - math.exp(-((4 * math.pi * 0.05 / w) ** 2)) for w in (0.3, 0.6, 1.2)]
     assert albedo == pytest.approx(expected, rel=0.02)
+
+
+def test_a_wavelength_per_channel_is_a_model_per_channel() -> None:
+    pairs = random_pairs(20, seed=31)
+    wavelengths = [0.61, 0.55, 0.46]
+    every = HeTorrance(height_rms=0.1, wavelength=wavelengths, solid_angle=0.05, coherent="on")(*pairs)
+    for channel, wavelength in enumerate(wavelengths):
+        alone = HeTorrance(height_rms=0.1, wavelength=wavelength, solid_angle=0.05, coherent="on")(*pairs)
+        torch.testing.assert_close(every[:, channel : channel + 1], alone, rtol=tolerances.INDEPENDENT, atol=0)

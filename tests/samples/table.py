@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from matest.parameters import Role
 from matest.samples import Batch, Groups, Tiles
 from matest.samples.likelihood import MeasurementNoise, Readout
 from matest.samples.tiles import in_memory
@@ -45,7 +46,7 @@ class Table:
     def __len__(self) -> int:
         return len(self.values)
 
-    def optics(self, name: str) -> Tensor | None:  # noqa: ARG002
+    def optics(self, quantity: Role) -> Tensor | None:  # noqa: ARG002
         return None
 
     def _rows(self, index: Tensor) -> Batch:

@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from matest.benchmark.instruments.task import Task, Trace, Values
+from matest.parameters import Role
 from matest.shading import shade
 from matest.training.trainable import Trainable
 
@@ -163,7 +164,9 @@ def _module(task: Task) -> Trainable:
         if task.start.declared[name].per_channel
     }
     fixed = tuple(
-        name for name, declared in task.start.declared.items() if name not in task.free and not declared.gauge
+        name
+        for name, declared in task.start.declared.items()
+        if name not in task.free and declared.role is not Role.GAUGE
     )
     return Trainable(task.start.replace(spread), fixed=fixed)
 
