@@ -84,7 +84,7 @@ def estimate(
     The result goes to CAPTURE/matest (or OUT; with several captures OUT/<capture name>/ each): result.json,
     material.json, report.html, profile.csv and pictures.
     """
-    from matest.capture.capture import capture_file
+    from matest.capture.description import capture_file
     from matest.estimation.specification import Constraints, specify
     from matest.report.folder import check_destination
 
