@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import copy
 import math
 import os
 import re
 import shutil
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +18,11 @@ import torch
 
 from matest.brdf import Brdf, model, preset
 from matest.capture import schema
-from matest.capture.assembly import Folder, build_encoding, build_scene, build_surface
-from matest.capture.capture import capture_file, references
+from matest.capture.assembly import ImageFormat, Setup, realise
+from matest.capture.description import Description, describe, image_channels, image_shape
 from matest.errors import InputError
 from matest.estimation.specification import optics, resolve
-from matest.photographs.images import read_image, read_mask, write_image
+from matest.photographs.images import write_image
 from matest.photographs.noise import Noise
 from matest.photographs.photometry import Encoding
 from matest.progress import Progress, silent
@@ -32,66 +31,86 @@ from matest.shading import render_image
 
 # Exposure of integer images whose scale is not given: the brightest pixel at this share of full scale.
 _EXPOSED = 0.9
+# What holds pixels of so many bits; None: floats.
+_DTYPES = {8: np.uint8, 16: np.uint16, None: np.float32}
 _HEADER = "# A simulated capture, written by 'matest render' from {scene}; rendering again replaces it.\n"
 
 
 @dataclass(frozen=True)
-class SceneDescription:
-    """A scene file, read and checked.
+class SimulatedScene:
+    """A scene file, read and checked, and what it says realised.
 
     Attributes:
-        file: where it was read from.
-        tables: its content.
-        shape: height and width of the images.
-        channels: of the images: as many as the longest colour in the file.
+        description: what stands in the file.
+        images: format of the images that it is rendered to.
         material: the model.
-        scene: geometry and lights at the images' resolution times the supersampling.
-        factor: supersampling: rays per pixel and axis.
+        setup: geometry and lights at the images' resolution times the supersampling, and the camera.
+        supersampling: rays per pixel and axis.
     """
 
-    file: Path
-    tables: schema.SceneFile
-    shape: tuple[int, int]
-    channels: int
+    description: Description[schema.SceneFile]
+    images: ImageFormat
     material: Brdf
-    scene: Scene
-    factor: int
+    setup: Setup
+    supersampling: int
+
+    @property
+    def file(self) -> Path:
+        """Where it was read from."""
+        return self.description.file
+
+    @property
+    def tables(self) -> schema.SceneFile:
+        """Its content."""
+        return self.description.tables
+
+    @property
+    def scene(self) -> Scene:
+        """Geometry and lights."""
+        return self.setup.scene
 
 
-def load_scene(path: str | Path) -> SceneDescription:
+def load_scene(path: str | Path) -> SimulatedScene:
     """Read a scene: a folder with a `scene.toml`, or that file.
 
     Raises:
         InputError: anything about it that cannot be used, in one sentence.
     """
-    file = capture_file(path, "scene.toml")
-    tables = schema.read(file, schema.SceneFile)
-    if not tables.image:
-        raise InputError(f"{file}: expected at least one [[image]] with lights; got none.")
-    folder = Folder(file, file.parent.absolute())
+    description = describe(path, schema.SceneFile)
+    file, tables = description.file, description.tables
     material = material_of(tables.material, str(file))
-    channels = channels_of(tables, material, str(file))
-    shape = shape_of(tables, folder, str(file))
-    factor = tables.camera.supersampling if tables.camera else 1
-    if not 1 <= factor <= 16 or (factor > 1 and tables.geometry.normals):
-        raise InputError(f"{file}: camera.supersampling must be 1 to 16, and 1 with a normal map; got {factor}.")
-    fine = _enlarged(tables, factor)
-    surface = build_surface(fine, folder, (shape[0] * factor, shape[1] * factor), str(file))
-    if fine.mask != tables.mask and tables.mask is not None:
-        mask = read_mask(folder.file(tables.mask, "mask")) > 0
-        surface = surface.take(mask.repeat(factor, axis=0).repeat(factor, axis=1).flat[surface.pixels])
-    scene, _ = build_scene(tables, folder, surface, channels)
+    images = scene_format(description, material)
+    supersampling = tables.camera.supersampling if tables.camera else 1
+    if not 1 <= supersampling <= 16 or (supersampling > 1 and tables.geometry.normals):
+        raise InputError(f"{file}: camera.supersampling must be 1 to 16, and 1 with a normal map; got {supersampling}.")
+    if tables.encoding.flat is not None or isinstance(tables.encoding.black, str):
+        raise InputError(f"{file}: a simulated camera has no flat field or dark frame; use a number for black.")
+    transfer = tables.encoding.transfer or "linear"
+    setup = realise(description, images, transfer=transfer, supersampling=supersampling)
     try:
-        material = material.replace(optics(material, scene))
+        material = material.replace(optics(material, setup.scene))
     except InputError as error:
         raise InputError(f"{file}: {error}") from None
-    return SceneDescription(file, tables, shape, channels, material, scene, factor)
+    return SimulatedScene(description, images, material, setup, supersampling)
 
 
-def radiance(description: SceneDescription, image: int) -> np.ndarray:
+def scene_format(description: Description[schema.SceneFile], material: Brdf) -> ImageFormat:
+    """The format of the images that a scene of this material is rendered to.
+
+    Raises:
+        InputError: colours of neither one nor three values, nothing that says the size, names that hold no such pixels.
+    """
+    colours = {len(value) for value in material.parameters.values() if value.ndim}
+    channels = image_channels(description, colours)
+    shape = image_shape(description)
+    bits = bits_of(description.tables, str(description.file))
+    return ImageFormat(shape, channels, np.dtype(_DTYPES[bits]))
+
+
+def radiance(scene: SimulatedScene, image: int) -> np.ndarray:
     """Noise-free radiance [H, W, C] of one image, float64, averaged over each pixel if the scene is supersampled."""
-    fine = render_image(description.scene, image, description.material, dtype=torch.float64).detach().numpy()
-    factor = description.factor
+    fine = render_image(scene.scene, image, scene.material, dtype=torch.float64).detach().numpy()
+    factor = scene.supersampling
     height, width, channels = fine.shape
     return fine.reshape(height // factor, factor, width // factor, factor, channels).mean(axis=(1, 3))
 
@@ -110,24 +129,24 @@ def simulate(path: str | Path, out: str | Path | None = None, progress: Progress
     Raises:
         InputError: a bad scene, or a folder whose capture was not made by rendering.
     """
-    description = load_scene(path)
-    tables, file = description.tables, description.file
+    scene = load_scene(path)
+    tables, file = scene.tables, scene.file
     folder = Path(out) if out is not None else file.parent
     target = folder / "capture.toml"
     bits = bits_of(tables, str(file))
     suffix = ".png" if bits else ".exr"
     names = [table.file or f"{number:02d}{suffix}" for number, table in enumerate(tables.image)]
-    _check_outputs(description, folder, names)
-    encoding = _encoding(description, integer=bits is not None)
-    noise = Noise(tables.noise.read, tables.noise.gain) if tables.noise else Noise(0.0, 0.0)
+    _check_outputs(scene.description, folder, names)
+    encoding = _exposed(scene)
+    noise = scene.setup.noise or Noise(0.0, 0.0)
     generator = np.random.Generator(np.random.Philox(tables.noise.seed if tables.noise else 0))
     folder.mkdir(parents=True, exist_ok=True)
     for number, table in enumerate(tables.image):
-        pixels = _expose(radiance(description, number), table.exposure, encoding, noise, generator)
+        pixels = _expose(radiance(scene, number), table.exposure, encoding, noise, generator)
         _replace(folder / names[number], stored_pixels(pixels, encoding, bits))
         progress("rendering images", number + 1, len(tables.image))
-    _write_geometry(description, folder)
-    text = _HEADER.format(scene=file.name) + _toml(_capture_table(description, encoding, names))
+    _write_geometry(scene, folder)
+    text = _HEADER.format(scene=file.name) + _toml(_capture_table(tables, encoding, names))
     temporary = target.with_suffix(".toml.part")
     temporary.write_text(text, "utf-8")
     os.replace(temporary, target)
@@ -165,60 +184,6 @@ def material_of(table: dict[str, Any], label: str) -> Brdf:
         raise InputError(f"{label}: [material]: {error}") from None
 
 
-def channels_of(tables: schema.CaptureFile, material: Brdf, label: str) -> int:
-    """Channels of the images: as many as the longest colour of lights and material.
-
-    Raises:
-        InputError: colours of neither one nor three values.
-    """
-    colours: list[Any] = [image.ambient for image in tables.image]
-    colours += [
-        c for i in tables.image for light in i.lights for c in (light.irradiance, light.intensity, light.radiance)
-    ]
-    colours.append(tables.camera.wavelength if tables.camera else None)
-    lengths = {len(c) for c in colours if isinstance(c, list)}
-    lengths |= {len(value) for value in material.parameters.values() if value.ndim}
-    lengths -= {1}
-    if not lengths <= {3}:
-        raise InputError(
-            f"{label}: colours must have 3 values (linear RGB) or be one number; got {sorted(lengths)} values."
-        )
-    return 3 if lengths else 1
-
-
-def shape_of(tables: schema.CaptureFile, folder: Folder, label: str) -> tuple[int, int]:
-    """Height and width of the images: the camera's resolution, or the size of the normal map or mask.
-
-    Raises:
-        InputError: nothing says it, or not in pixels.
-    """
-    if tables.camera is not None and tables.camera.resolution is not None:
-        width, height = tables.camera.resolution
-        if not (0 < width <= 16384 and 0 < height <= 16384):
-            raise InputError(f"{label}: camera.resolution must be width and height in pixels; got [{width}, {height}].")
-        return height, width
-    for reference, key in ((tables.geometry.normals, "geometry.normals"), (tables.mask, "mask")):
-        if reference is not None:
-            return read_image(folder.file(reference, key)).shape[:2]
-    raise InputError(f"{label}: say how large the images are: resolution = [width, height] in [camera].")
-
-
-def _enlarged(tables: schema.SceneFile, factor: int) -> schema.SceneFile:
-    """The same scene with everything that is measured in pixels `factor` times as large; the mask is left to it."""
-    fine = copy.deepcopy(tables)
-    if factor == 1:
-        return fine
-    fine.mask = None
-    if fine.geometry.centre is not None and fine.geometry.radius is not None:
-        fine.geometry.centre = (fine.geometry.centre[0] * factor, fine.geometry.centre[1] * factor)
-        fine.geometry.radius *= factor
-    if fine.camera is not None and fine.camera.matrix is not None:
-        matrix = np.array(fine.camera.matrix)
-        matrix[:2] *= factor
-        fine.camera.matrix = tuple(tuple(row) for row in matrix.tolist())  # type: ignore[assignment]
-    return fine
-
-
 def bits_of(tables: schema.CaptureFile, label: str) -> int | None:
     """Bits of the images: as the scene says, or as the names of its files imply; None for floats.
 
@@ -252,7 +217,7 @@ def bits_of(tables: schema.CaptureFile, label: str) -> int | None:
     return stated
 
 
-def _check_outputs(description: SceneDescription, folder: Path, names: list[str]) -> None:
+def _check_outputs(description: Description, folder: Path, names: list[str]) -> None:
     """Refuse to write over anything but an earlier rendering.
 
     Raises:
@@ -262,29 +227,23 @@ def _check_outputs(description: SceneDescription, folder: Path, names: list[str]
     earlier = target.exists() and target.read_text("utf-8").startswith(_HEADER.split("{")[0])
     if target.exists() and not earlier:
         raise InputError(f"{target}: exists and was not written by 'matest render'; give another folder with -o.")
-    inputs = {description.file.parent / name for _, name in references(description.tables)}
+    inputs = {description.folder / name for _, name in description.references}
     for name in (*names, "mask.png", "normals.exr"):
         path = folder / name
         if path in inputs or (path.exists() and not earlier):
             raise InputError(f"{path}: would be overwritten; give another folder with -o.")
 
 
-def _encoding(description: SceneDescription, *, integer: bool) -> Encoding:
-    tables = description.tables
-    table = msgspec.structs.replace(tables.encoding, transfer=tables.encoding.transfer or "linear")
-    if table.flat is not None or isinstance(table.black, str):
-        raise InputError(
-            f"{description.file}: a simulated camera has no flat field or dark frame; use a number for black."
-        )
-    if table.scale is None and integer:
-        peak = max(float(radiance(description, k).max()) * image.exposure for k, image in enumerate(tables.image))
-        wanted = peak / (_EXPOSED - table.black) if peak > 0 else 1.0
-        # Two digits are enough, and leave the file readable.
-        step = 10 ** math.floor(math.log10(wanted)) / 10
-        table.scale = float(f"{math.ceil(wanted / step) * step:.6g}")
-    folder = Folder(description.file, description.file.parent.absolute())
-    stored = np.zeros((1, 1, description.channels), np.uint16 if integer else np.float32)
-    return build_encoding(table, folder, description.scene.surface, stored, None)
+def _exposed(scene: SimulatedScene) -> Encoding:
+    """The encoding of the images; where integers have no scale, that which exposes the brightest pixel well."""
+    encoding, exposures = scene.setup.encoding, scene.setup.exposures
+    if scene.tables.encoding.scale is not None or scene.images.dtype.kind != "u":
+        return encoding
+    peak = max(float(radiance(scene, k).max()) * exposure for k, exposure in enumerate(exposures))
+    wanted = peak / (_EXPOSED - float(scene.tables.encoding.black)) if peak > 0 else 1.0
+    # Two digits are enough, and leave the file readable.
+    step = 10 ** math.floor(math.log10(wanted)) / 10
+    return replace(encoding, scale=float(f"{math.ceil(wanted / step) * step:.6g}"))
 
 
 def _expose(
@@ -305,25 +264,24 @@ def stored_pixels(pixels: np.ndarray, encoding: Encoding, bits: int | None) -> n
     return codes.astype(np.uint8 if bits == 8 else np.uint16)
 
 
-def _write_geometry(description: SceneDescription, folder: Path) -> None:
+def _write_geometry(scene: SimulatedScene, folder: Path) -> None:
     """Mask (share of the pixel that is object), normals, and the files the geometry refers to."""
-    surface, factor = description.scene.surface, description.factor
-    height, width = description.shape
+    surface, factor, source = scene.scene.surface, scene.supersampling, scene.description.folder
+    height, width = scene.images.shape
     coverage = surface.mask.reshape(height, factor, width, factor).mean(axis=(1, 3))
     _replace(folder / "mask.png", np.ceil(coverage * 255).astype(np.uint8))
     normals = surface.image(surface.normals.numpy())
     mean = cv2.resize(normals, (width, height), interpolation=cv2.INTER_AREA) if factor > 1 else normals
     length = np.linalg.norm(mean, axis=-1, keepdims=True)
     _replace(folder / "normals.exr", mean / np.maximum(length, 1e-12))
-    for reference in (description.tables.geometry.mesh, description.tables.geometry.positions):
-        if reference is not None and folder.resolve() != description.file.parent.resolve():
+    for reference in (scene.tables.geometry.mesh, scene.tables.geometry.positions):
+        if reference is not None and folder.resolve() != source.resolve():
             (folder / reference).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(description.file.parent / reference, folder / reference)
+            shutil.copyfile(source / reference, folder / reference)
 
 
-def _capture_table(description: SceneDescription, encoding: Encoding, names: list[str]) -> dict[str, Any]:
+def _capture_table(tables: schema.SceneFile, encoding: Encoding, names: list[str]) -> dict[str, Any]:
     """The capture file of a rendered scene: the scene's own tables, and what rendering decided."""
-    tables = description.tables
     out: dict[str, Any] = {"mask": "mask.png", "geometry": _given(tables.geometry)}
     if tables.geometry.normals is not None:
         out["geometry"]["normals"] = "normals.exr"

@@ -41,6 +41,9 @@ NAMED = '[[image]]\nfile = "{}"\nlights = [ {{ direction = [0, 0, 1], irradiance
         ((LAMBERT, SPHERE, "[noise]\nbits = 12", LIGHT), "bits"),
         ((LAMBERT, SPHERE, "[noise]\nbots = 8", LIGHT), "did you mean 'bits'?"),
         ((LAMBERT, SPHERE, scenes.distant(([0, 0, 0],))), "direction"),
+        ((LAMBERT, SPHERE, "[noise]\nread = -0.1", LIGHT), "noise.read"),
+        ((LAMBERT, SPHERE, "[noise]\ngain = nan", LIGHT), "noise.gain"),
+        ((LAMBERT, SPHERE, "[[image]]\nexposure = 0.0\nlights = []"), "image 0: exposure"),
     ],
 )
 def test_errors_name_the_file_and_what_to_mend(tmp_path: Path, parts: tuple[str, ...], expected: str) -> None:

@@ -271,3 +271,16 @@ def test_no_partial_file_is_left_behind(tmp_path: Path) -> None:
         "normals.exr",
         "capture.toml",
     }
+
+
+def test_a_sphere_is_fitted_to_the_mask_of_a_supersampled_scene(tmp_path: Path) -> None:
+    first = simulate(sphere_scene(tmp_path / "stated"))
+    geometry = '[geometry]\nshape = "sphere"\n[camera]\nresolution = [24, 24]\nsupersampling = 2\n'
+    (tmp_path / "fitted").mkdir()
+    (tmp_path / "fitted" / "disc.png").write_bytes((first / "mask.png").read_bytes())
+    fitted = load_scene(scenes.write(tmp_path / "fitted", 'mask = "disc.png"', LAMBERT, geometry, ONE_LIGHT))
+    assert fitted.scene.surface.shape == (48, 48)
+    stated = load_scene(sphere_scene(tmp_path / "again", supersampling=2))
+    inside = stated.scene.surface.mask & fitted.scene.surface.mask
+    normals = [scene.scene.surface.image(scene.scene.surface.normals.numpy())[inside] for scene in (fitted, stated)]
+    np.testing.assert_allclose(*normals, atol=0.06)

@@ -13,10 +13,11 @@ import numpy as np
 import torch
 
 from matest.capture import schema
-from matest.capture.assembly import Folder, build_encoding, build_scene, build_surface
+from matest.capture.assembly import ImageFormat, realise
+from matest.capture.description import describe
 from matest.errors import InputError
 from matest.photographs.images import read_image
-from matest.photographs.noise import Noise, noise_of_photographs, stated_noise
+from matest.photographs.noise import noise_of_photographs, stated_noise
 from matest.photographs.photographs import Photographs
 from matest.photographs.samples import PhotographSamples
 from matest.photographs.storage import Storage
@@ -109,76 +110,40 @@ def load_capture(
     Raises:
         InputError: anything about the files that cannot be used, in one sentence.
     """
-    file = capture_file(path, "capture.toml")
-    tables = schema.read(file, schema.CaptureFile)
-    folder = Folder(file, (root or file.parent).absolute())
-    if not tables.image:
-        raise InputError(f"{file}: expected at least one [[image]]; got none.")
-    names = [table.file for table in tables.image]
-    if None in names:
-        raise InputError(f"{file}: image {names.index(None)} has no file; a capture names one for every [[image]].")
-    paths = [folder.file(name, f"image {k}: file") for k, name in enumerate(names) if name is not None]
+    description = describe(path, schema.CaptureFile, root=root)
+    files = [table.file for table in description.tables.image]
+    if None in files:
+        raise InputError(
+            f"{description.file}: image {files.index(None)} has no file; a capture names one for every [[image]]."
+        )
+    paths = [description.path(name, f"image {k}: file") for k, name in enumerate(files) if name is not None]
 
     clock = time.perf_counter()
     first = read_image(paths[0])
     read_s = time.perf_counter() - clock
-    shape, channels = (first.shape[0], first.shape[1]), first.shape[2]
 
     clock = time.perf_counter()
-    surface = build_surface(tables, folder, shape, str(file))
-    for k, table in enumerate(tables.image):
-        if not (np.isfinite(table.exposure) and table.exposure > 0):
-            raise InputError(f"{file}: image {k}: exposure must be positive; got {table.exposure}.")
-    encoding = build_encoding(tables.encoding, folder, surface, first, transfer)
-    scene, powers_known = build_scene(tables, folder, surface, channels)
+    setup = realise(description, ImageFormat.of(first), transfer=transfer)
     geometry_s = time.perf_counter() - clock
 
     clock = time.perf_counter()
-    stored = _decode(paths, first, surface.pixels, progress)
+    stored = _decode(paths, first, setup.scene.surface.pixels, progress)
     read_s += time.perf_counter() - clock
-    _check_noise(tables.noise, str(file))
+
     clock = time.perf_counter()
-    if tables.noise is None:
-        noise = noise_of_photographs(stored, encoding, surface)
+    if setup.noise is None:
+        noise = noise_of_photographs(stored, setup.encoding, setup.scene.surface)
     else:
-        noise = stated_noise(Noise(tables.noise.read, tables.noise.gain), encoding, stored[0])
+        noise = stated_noise(setup.noise, setup.encoding, stored[0])
     noise_s = time.perf_counter() - clock
-    photographs = Photographs(
-        scene=scene,
-        stored=stored,
-        encoding=encoding,
-        exposures=tuple(table.exposure for table in tables.image),
-        noise=noise,
-        noise_stated=tables.noise is not None,
-        relative=tables.encoding.radiometry == "relative" or not powers_known,
-        names=tuple(os.path.relpath(path, folder.path) for path in paths),
-    )
     return Capture(
-        name=file.parent.absolute().name,
-        photographs=photographs,
+        name=description.name,
+        photographs=setup.photographs(stored, noise),
         files=tuple(paths),
-        folder=folder.path,
-        others=(file, *(folder.file(name, key) for key, name in references(tables))),
+        folder=description.folder,
+        others=(description.file, *(description.path(name, key) for key, name in description.references)),
         timing={"read": read_s, "geometry": geometry_s, "noise": noise_s},
     )
-
-
-def capture_file(path: str | Path, name: str) -> Path:
-    """The TOML file that a path names: itself, or `name` inside the folder.
-
-    Raises:
-        InputError: there is none.
-    """
-    path = Path(path)
-    file = path / name if path.is_dir() else path
-    if not file.is_file():
-        expected = f"expected a folder with a {name}" if path.is_dir() or not path.suffix else "no such file"
-        raise InputError(f"{path}: {expected}; check the path.")
-    if file.suffix.lower() != ".toml":
-        raise InputError(
-            f"{path}: expected a folder or its {name}; got a {file.suffix or 'nameless'} file. Give the folder."
-        )
-    return file
 
 
 def _decode(paths: list[Path], first: np.ndarray, pixels: np.ndarray, progress: Progress) -> tuple[np.ndarray, ...]:
@@ -204,26 +169,3 @@ def _decode(paths: list[Path], first: np.ndarray, pixels: np.ndarray, progress: 
         stored.append(kept)
         progress("reading images", count, len(paths))
     return tuple(stored)
-
-
-def references(tables: schema.CaptureFile) -> list[tuple[str, str]]:
-    """Files that a capture refers to beside its images, with the key that does."""
-    geometry, encoding = tables.geometry, tables.encoding
-    found = {
-        "mask": tables.mask,
-        "geometry.mesh": geometry.mesh,
-        "geometry.normals": geometry.normals,
-        "geometry.positions": geometry.positions,
-        "encoding.black": encoding.black,
-        "encoding.flat": encoding.flat,
-    }
-    return [(key, name) for key, name in found.items() if isinstance(name, str)]
-
-
-def _check_noise(table: schema.NoiseTable | None, label: str) -> None:
-    for key in ("read", "gain"):
-        value = getattr(table, key) if table is not None else 0.0
-        if not (np.isfinite(value) and value >= 0):
-            raise InputError(
-                f"{label}: noise.{key} must be finite and not negative; got {value}. Correct or remove it."
-            )

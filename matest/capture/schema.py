@@ -65,6 +65,11 @@ class LightTable(_Table):
     radiance: float | list[float] | None = None
     solid_angle: float | None = None
 
+    @property
+    def power_stated(self) -> bool:
+        """Whether anything says how strong the light is."""
+        return any(value is not None for value in (self.irradiance, self.intensity, self.radiance))
+
 
 class ImageTable(_Table):
     file: str | None = None
@@ -90,10 +95,10 @@ class SceneFile(CaptureFile, kw_only=True):
     material: dict[str, Any]
 
 
-_File = TypeVar("_File", bound=CaptureFile)
+File = TypeVar("File", bound=CaptureFile)
 
 
-def read(path: Path, kind: type[_File]) -> _File:
+def read(path: Path, kind: type[File]) -> File:
     """Parse and validate a TOML file.
 
     Raises:

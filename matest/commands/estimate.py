@@ -44,7 +44,7 @@ def estimate(
     material.json, report.html, profile.csv and pictures.
     """
     from matest import batch
-    from matest.capture.capture import capture_file
+    from matest.capture.description import capture_file
     from matest.estimation.specification import check_options
     from matest.report.folder import check_destination
 

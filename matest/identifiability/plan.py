@@ -9,17 +9,17 @@ from pathlib import Path
 
 import numpy as np
 
-from matest.brdf import Brdf, Lambert
+from matest.brdf import Brdf
 from matest.capture import Capture, load_capture, schema
-from matest.capture.assembly import Folder, build_encoding, build_scene, build_surface
-from matest.capture.capture import capture_file
+from matest.capture.assembly import ImageFormat, realise
+from matest.capture.description import Description, capture_file, describe, image_channels, image_shape
 from matest.errors import InputError
 from matest.photographs.noise import Noise
 from matest.photographs.photographs import Photographs
 from matest.progress import Progress, silent
 from matest.scene import Scene
 from matest.shading import render_image
-from matest.simulate import bits_of, channels_of, material_of, shape_of, stored_pixels
+from matest.simulate import material_of, scene_format, stored_pixels
 
 # A camera of 10,000 electrons full well and 10 electrons read noise.
 TYPICAL = Noise(read=1e-3, gain=1e-4)
@@ -89,12 +89,16 @@ def load_plan(
     scene = (path / "scene.toml").is_file() and not (path / "capture.toml").is_file()
     file = capture_file(path, "scene.toml" if scene else "capture.toml")
     if scene or _has_material(file):
-        described = schema.read(file, schema.SceneFile)
-        return _planned(described, file, transfer, material_of(described.material, str(file)))
-    tables = schema.read(file, schema.CaptureFile)
-    if any(table.file and (file.parent / table.file).is_file() for table in tables.image):
+        simulated = describe(file, schema.SceneFile)
+        material = material_of(simulated.tables.material, str(file))
+        return _planned(simulated, scene_format(simulated, material), transfer, material)
+    description = describe(file, schema.CaptureFile)
+    files = [table.file for table in description.tables.image]
+    if any(name and (description.folder / name).is_file() for name in files):
         return Plan.of(load_capture(file, transfer=transfer, progress=progress))
-    return _planned(tables, file, transfer, None)
+    dtype = np.dtype(_KINDS.get(Path(files[0] or "").suffix.lower(), np.uint16))
+    images = ImageFormat(image_shape(description), image_channels(description), dtype)
+    return _planned(description, images, transfer, None)
 
 
 def photographed(photographs: Photographs, material: Brdf) -> Photographs:
@@ -124,37 +128,18 @@ def _radiance(scene: Scene, image: int, material: Brdf) -> np.ndarray:
     return rendered.reshape(-1, rendered.shape[-1])[scene.surface.pixels]
 
 
-def _planned(tables: schema.CaptureFile, file: Path, transfer: str | float | None, material: Brdf | None) -> Plan:
+def _planned(
+    description: Description, images: ImageFormat, transfer: str | float | None, material: Brdf | None
+) -> Plan:
     """A plan of photographs that do not exist."""
-    label, folder = str(file), Folder(file, file.parent.absolute())
-    if not tables.image:
-        raise InputError(f"{file}: expected at least one [[image]] with lights; got none.")
-    for k, table in enumerate(tables.image):
-        if not (math.isfinite(table.exposure) and table.exposure > 0):
-            raise InputError(f"{file}: image {k}: exposure must be positive; got {table.exposure}.")
-    channels = channels_of(tables, material or Lambert(), label)
-    surface = build_surface(tables, folder, shape_of(tables, folder, label), label)
-    scene, powers_known = build_scene(tables, folder, surface, channels)
-    dtype = _dtype(tables, label, material is not None)
-    chosen = tables.encoding
-    encoding = build_encoding(
-        chosen, folder, surface, np.zeros((1, 1, channels), dtype), transfer or chosen.transfer or "linear"
-    )
-    stated = tables.noise is not None and (tables.noise.read > 0 or tables.noise.gain > 0)
-    noise = Noise(tables.noise.read, tables.noise.gain) if tables.noise is not None and stated else TYPICAL
-    names = [image.file or f"image {number}" for number, image in enumerate(tables.image)]
-    photographs = Photographs(
-        scene=scene,
-        stored=(np.zeros((len(surface), channels), dtype),) * len(tables.image),
-        encoding=encoding,
-        exposures=tuple(image.exposure for image in tables.image),
-        noise=noise,
-        noise_stated=True,
-        relative=chosen.radiometry == "relative" or not powers_known,
-        names=tuple(names),
-    )
-    known = chosen.scale is not None or np.dtype(dtype).kind == "f"
-    plan = Plan(file.parent.absolute().name, photographs, material, known).with_noise(noise.read, noise.gain)
+    table = description.tables.encoding
+    setup = realise(description, images, transfer=transfer or table.transfer or "linear")
+    pixels = np.zeros((len(setup.scene.surface), images.channels), images.dtype)
+    stated = setup.noise if setup.noise is not None and setup.noise != Noise(0.0, 0.0) else None
+    noise = stated or TYPICAL
+    photographs = setup.photographs((pixels,) * len(setup.exposures), noise)
+    known = table.scale is not None or images.dtype.kind == "f"
+    plan = Plan(description.name, photographs, material, known).with_noise(noise.read, noise.gain)
     source = "as the file states it" if stated else "that of a typical camera, as none is stated"
     return replace(plan, noise_source=source)
 
@@ -165,11 +150,3 @@ def _has_material(file: Path) -> bool:
         return "material" in tomllib.loads(file.read_text("utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
         return False
-
-
-def _dtype(tables: schema.CaptureFile, label: str, scene: bool) -> type:
-    """The kind of number that the photographs will hold."""
-    if scene:
-        bits = bits_of(tables, label)
-        return {8: np.uint8, 16: np.uint16}.get(bits or 0, np.float32)
-    return _KINDS.get(Path(tables.image[0].file or "").suffix.lower(), np.uint16)

@@ -1,0 +1,45 @@
+"""From a description to scene, encoding and exposures."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+
+from matest.capture import schema
+from matest.capture.assembly import ImageFormat, realise
+from matest.capture.description import describe
+from matest.photographs.noise import Noise
+from tests.captures import SHAPE, CaptureFolder
+
+FLOATS = ImageFormat(SHAPE, 3, np.dtype(np.float32))
+
+
+def test_a_capture_is_the_setup_of_its_description_with_pixels(folder: CaptureFolder) -> None:
+    folder.tables |= {"noise": {"read": 0.01}, "encoding": {"scale": 2.0, "black": 0.1}}
+    folder.tables["image"][1]["exposure"] = 3.0
+    capture = folder.load()
+    setup = realise(describe(folder.path, schema.CaptureFile), FLOATS)
+    assert setup.noise == Noise(0.01, 0.0)
+    assert (setup.exposures, setup.relative, setup.names) == ((1.0, 3.0), False, ("00.npy", "01.npy"))
+    assert (setup.encoding.scale, setup.encoding.black, setup.encoding.saturation) == (2.0, 0.1, None)
+    torch.testing.assert_close(setup.scene.surface.normals, capture.scene.surface.normals, rtol=0, atol=0)
+    photographs = setup.photographs(capture.photographs.stored, capture.photographs.noise)
+    assert photographs.noise_stated
+    np.testing.assert_array_equal(photographs.radiance(1), capture.radiance(1))
+
+
+def test_integers_are_saturated_near_full_scale_unless_it_is_said(folder: CaptureFolder) -> None:
+    description = describe(folder.save(), schema.CaptureFile)
+    codes = ImageFormat.of(np.zeros((*SHAPE, 3), np.uint16))
+    assert realise(description, codes, transfer="linear").encoding.saturation == 0.98
+
+
+def test_supersampling_keeps_the_shape_and_multiplies_the_pixels(folder: CaptureFolder) -> None:
+    description = describe(folder.save(), schema.CaptureFile)
+    plain, fine = (realise(description, FLOATS, supersampling=k).scene.surface for k in (1, 3))
+    assert fine.shape == (3 * SHAPE[0], 3 * SHAPE[1])
+    mask = plain.mask.repeat(3, axis=0).repeat(3, axis=1)
+    # The mask leaves out whole pixels, the sphere parts of them.
+    assert not (fine.mask & ~mask).any()
+    middle = fine.image(fine.normals.numpy())[1::3, 1::3]
+    np.testing.assert_allclose(middle[plain.mask], plain.normals.numpy(), atol=1e-12)
