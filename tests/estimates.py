@@ -30,6 +30,7 @@ CLAY = Estimate(
     fit=Fit(
         rmse=0.004,
         relative_rmse=0.0113,
+        relative_rmse_trimmed=0.0113,
         reduced_chi2=1.02,
         samples=123456,
         samples_used=120000,

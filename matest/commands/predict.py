@@ -27,7 +27,7 @@ def predict(
     (default: RESULT-predict-<capture name>).
     """
     from matest.batch import capture_name
-    from matest.estimation.estimate import image_errors
+    from matest.estimation.estimate import prediction_errors
     from matest.estimation.result import load_material, material_is_relative
     from matest.report.folder import check_destination, write_prediction
 
@@ -38,12 +38,13 @@ def predict(
     with progress(str(capture)) as say:
         photographs = matest.load_capture(capture, transfer=arguments.encoding(transfer), progress=say)
         say("shading")
-        errors = image_errors(photographs, material)
+        errors = prediction_errors(photographs, material)
         write_prediction(material, errors, photographs, place)
     if not photographs.relative and material_is_relative(result):
         note(f"the albedo in {result} is known up to a scale only, so brightness and errors here are off by that.")
     if as_json:
-        print_json({"out": str(place), "relative_rmse": dict(zip(photographs.names, errors, strict=True))})
+        by_image = dict(zip(photographs.names, errors.images, strict=True))
+        print_json({"out": str(place), "relative_rmse": by_image, "pooled_relative_rmse": errors.pooled})
         return
     from matest.report.tables import prediction_table
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -19,7 +19,7 @@ from matest.estimation.remarks import message, skipped, unread_samples, warnings
 from matest.estimation.result import Candidate, Estimate, Fit
 from matest.estimation.selection import select
 from matest.estimation.specification import Specification, freed, optics, specify
-from matest.estimators import Problem, Solution, accumulate, fit
+from matest.estimators import Problem, Solution, Statistics, accumulate, fit
 from matest.estimators.covariance import fisher
 from matest.inference.posterior import judge, judge_to_first_order
 from matest.photographs.samples import PhotographSamples
@@ -109,8 +109,9 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
     statistics = solution.statistics
     measured = len(samples) - samples.skipped["saturated"]
     outcome = Fit(
-        rmse=math.sqrt(statistics.total("squared_residual") / max(statistics.total("values"), 1)),
+        rmse=math.sqrt(statistics.total("squared_residual") / max(statistics.total("usable"), 1)),
         relative_rmse=statistics.relative_rmse,
+        relative_rmse_trimmed=statistics.relative_rmse_trimmed,
         reduced_chi2=posterior.bars.chi2,
         samples=measured,
         samples_used=min(int(statistics.total("samples")), measured),
@@ -119,6 +120,7 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         message=message(solution, posterior.bars, unread_samples(samples, solution)),
         errors=posterior.bars.kind,
         outliers=statistics.outliers,
+        values_left_out=int(statistics.total("outliers")),
     )
     left_out, holdout = None, sorted({*options.holdout})
     if holdout:
@@ -145,27 +147,57 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
 def predict(material: Brdf, capture: Capture) -> tuple[np.ndarray, list[float | None]]:
     """Radiance images [K, H, W, C] of a material under a capture's lights, and the relative error of each image.
 
-    The error is the rms difference over the rms signal on the usable pixels of the photograph; None if it has none.
+    The error is that of `relative_error`; None where a photograph has no usable pixel.
 
     Raises:
         InputError: the material has a value per channel for another number of channels.
     """
     material = material.replace(optics(material, capture.scene))
-    errors = image_errors(capture, material)
+    errors = prediction_errors(capture, material).images
     return render(capture.scene, material).detach().numpy(), errors
 
 
-def image_errors(capture: Capture, material: Brdf) -> list[float | None]:
-    """Relative rms error of the shaded material against each photograph; None where it has no usable pixel."""
-    return [relative_error(capture, material, [image]) for image in range(len(capture))]
+@dataclass(frozen=True)
+class PredictionErrors:
+    """How far a shaded material is from photographs, by the definition of `relative_error`.
+
+    Attributes:
+        images: of each; None where a photograph has no usable pixel.
+        pooled: of all together.
+    """
+
+    images: list[float | None]
+    pooled: float | None
 
 
-def relative_error(capture: Capture, material: Brdf, images: Iterable[int]) -> float | None:
-    """Rms difference between photographs and the shaded material, over the rms signal of their usable pixels.
+def prediction_errors(capture: Capture, material: Brdf) -> PredictionErrors:
+    """The error of a shaded material against each photograph and all of them.
 
     Raises:
         InputError: see `predict`.
     """
+    every = [_statistics(capture, material, [image]) for image in range(len(capture))]
+    residual, signal = (sum(one.total(f"squared_{kind}") for one in every) for kind in ("residual", "signal"))
+    return PredictionErrors(
+        images=[one.relative_rmse if one.total("samples") else None for one in every],
+        pooled=math.sqrt(residual / signal) if signal > 0 else None,
+    )
+
+
+def relative_error(capture: Capture, material: Brdf, images: Iterable[int]) -> float | None:
+    """Rms difference between photographs and the shaded material over the rms signal, of all their usable values.
+
+    Saturated values count where the material is shaded darker than the clip. None where there is no usable pixel.
+
+    Raises:
+        InputError: see `predict`.
+    """
+    statistics = _statistics(capture, material, images)
+    return statistics.relative_rmse if statistics.total("samples") else None
+
+
+def _statistics(capture: Capture, material: Brdf, images: Iterable[int]) -> Statistics:
+    """Of some photographs about the shaded material."""
     lengths = {len(value) for value in material.parameters.values() if value.ndim == 1} - {1, capture.channels}
     if lengths:
         raise InputError(
@@ -174,8 +206,7 @@ def relative_error(capture: Capture, material: Brdf, images: Iterable[int]) -> f
         )
     problem = Problem.of(material, capture.channels, (), material.parameters, {})
     nothing = torch.zeros(0, dtype=torch.float64)
-    statistics = accumulate(problem, nothing, capture.samples(images).tiles(merge=False), None)
-    return statistics.relative_rmse if statistics.total("samples") else None
+    return accumulate(problem, nothing, capture.samples(images).tiles(merge=False), nothing)
 
 
 def _worth_freeing(specification: Specification, solution: Solution) -> list[str]:

@@ -143,7 +143,8 @@ def warnings(
     out = []
     photographs, redundancy = samples.photographs, samples.redundancy
     names, bars, parameters = photographs.names, posterior.bars, posterior.estimates
-    relative_rmse = solution.statistics.relative_rmse
+    # Outliers are counted by themselves.
+    relative_rmse = solution.statistics.relative_rmse_trimmed
     if photographs.relative:
         out.append(
             "The common scale of the lights is unknown (relative radiometry): albedo is reported up to that scale."

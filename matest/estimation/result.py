@@ -22,11 +22,14 @@ class Fit:
 
     Attributes:
         rmse: root mean square residual, radiance.
-        relative_rmse: that over the rms radiance of the samples used.
+        relative_rmse: that over the rms radiance, of all usable values: saturated ones count where the model lies
+            below the clip, outliers count.
+        relative_rmse_trimmed: the same without outliers.
         reduced_chi2: sum of squared residuals in units of the noise variance, per degree of freedom.
         samples: usable samples (pixels of all images); saturated ones come on top, as lower bounds of their radiance.
         samples_used: of those, the ones in the final pass.
         outliers: share of the values that lie too far from the model to be believed and were left out.
+        values_left_out: their number.
         iterations: evaluations over all samples (all from one pass where the model separates).
         status: "converged" or "not converged".
         message: the same as a sentence.
@@ -35,6 +38,7 @@ class Fit:
 
     rmse: float
     relative_rmse: float
+    relative_rmse_trimmed: float
     reduced_chi2: float
     samples: int
     samples_used: int
@@ -43,11 +47,20 @@ class Fit:
     message: str
     errors: str
     outliers: float = 0.0
+    values_left_out: int = 0
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A model that was tried. `score`: error on images left out, relative to the signal."""
+    """A model that was tried.
+
+    Attributes:
+        model: its expression.
+        score: error on images left out relative to their signal, over a sample even over angles: what models are
+            compared by.
+        relative_rmse: error on images left out, over all usable values, as that of a fit.
+        reason: why it was taken or not.
+    """
 
     model: str
     score: float

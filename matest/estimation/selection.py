@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,7 @@ from matest.estimators import Problem, fit_batches
 from matest.estimators.passes import predicted
 from matest.progress import Progress, silent
 from matest.samples import Batch, Samples
+from matest.samples.likelihood import squared_errors
 
 # From few to many parameters; a later one replaces an earlier one only if it predicts better.
 CANDIDATES = (
@@ -52,12 +54,14 @@ class _Trial:
         errors: squared error of every part when it was left out, relative to its signal.
         misfit: the same in units of the noise, all parts together; single values count no more than `_WILD`.
         by_chance: standard deviation of that where the model holds.
+        relative_rmse: error of all parts when they were left out, every usable value counting alike.
     """
 
     expression: str
     errors: np.ndarray
     misfit: float
     by_chance: float
+    relative_rmse: float
 
     @property
     def holds(self) -> bool:
@@ -77,7 +81,8 @@ def select(samples: Samples, options: Options, progress: Progress = silent) -> t
     Raises:
         InputError: no candidate has the constrained parameters.
     """
-    parts = _parts(samples.pilot(_SAMPLES, options.seed))
+    pilot = samples.pilot(_SAMPLES, options.seed)
+    parts, even = _parts(pilot), _parts(_even(samples, pilot, options.seed))
     problems: dict[str, Problem] = {}
     for expression in CANDIDATES:
         # A candidate that the constraints do not fit is not tried.
@@ -91,7 +96,7 @@ def select(samples: Samples, options: Options, progress: Progress = silent) -> t
     best: _Trial | None = None
     for expression, problem in problems.items():
         progress(f"trying {expression}")
-        errors, squares = np.empty(len(parts)), []
+        errors, squares, sums = np.empty(len(parts)), [], np.zeros(2)
         for fold in range(min(_FOLDS, len(parts))):
             left = range(fold, len(parts), _FOLDS)
             solution = fit_batches(problem, [part for k, part in enumerate(parts) if k not in left])
@@ -99,16 +104,30 @@ def select(samples: Samples, options: Options, progress: Progress = silent) -> t
                 radiance = predicted(solution.problem, solution.unknowns, parts[k])
                 errors[k] = _error(radiance, parts[k])
                 squares.append(_in_noise(radiance, parts[k]))
+                all_alike = predicted(solution.problem, solution.unknowns, even[k])
+                sums += squared_errors(all_alike, even[k].radiance, even[k].noise)
         met = torch.cat(squares)
-        trial = _Trial(expression, errors, float(met.mean()), math.sqrt(2 / max(met.numel(), 1)))
+        relative_rmse = math.sqrt(sums[0] / sums[1]) if sums[1] > 0 else 0.0
+        trial = _Trial(expression, errors, float(met.mean()), math.sqrt(2 / max(met.numel(), 1)), relative_rmse)
         wins, verdicts[expression] = _verdict(trial, best)
         trials.append(trial)
         if wins:
             best = trial
     assert best is not None
     unit = "image" if len(parts) == samples.groups.images else "band"
-    candidates = [Candidate(t.expression, t.score, t.score, verdicts[t.expression].format(unit=unit)) for t in trials]
+    candidates = [
+        Candidate(one.expression, one.score, one.relative_rmse, verdicts[one.expression].format(unit=unit))
+        for one in trials
+    ]
     return best.expression, candidates
+
+
+def _even(samples: Samples, pilot: Sequence[Batch], seed: int) -> list[Batch]:
+    """A sample in which every usable value counts alike, one batch per image of the pilot."""
+    batch = next(iter(samples.batches(_SAMPLES, shuffle=True, seed=seed)))
+    images = samples.groups.image_of(batch)
+    wanted = [int(samples.groups.image_of(part)[0]) for part in pilot]
+    return [batch[(images == image).nonzero()[:, 0]] for image in wanted]
 
 
 def _verdict(trial: _Trial, best: _Trial | None) -> tuple[bool, str]:

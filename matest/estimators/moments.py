@@ -17,12 +17,25 @@ from matest.samples.likelihood import LeastSquares
 # chi2: rᵀWr of the plain values: measured well inside the sensor's range, and no outliers.
 # values: number of these.
 # outliers: number of plain values of weight 0.
-# squared_residual: rᵀr of the values of `chi2`.
-# squared_signal: yᵀy of them.
+# usable: number of all values but clipped ones that the model puts beyond the end of the sensor's range too.
+# squared_residual, squared_signal: rᵀr and yᵀy of the usable values.
+# trimmed_residual, trimmed_signal: rᵀr and yᵀy of the values of `chi2`.
 # samples: number of samples.
 # evaluated: number of points that the model was evaluated at.
-SCORES = ("cost", "chi2", "values", "outliers", "squared_residual", "squared_signal", "samples", "evaluated")
-_COUNTS = [SCORES.index(name) for name in ("values", "outliers", "samples")]
+SCORES = (
+    "cost",
+    "chi2",
+    "values",
+    "outliers",
+    "usable",
+    "squared_residual",
+    "squared_signal",
+    "trimmed_residual",
+    "trimmed_signal",
+    "samples",
+    "evaluated",
+)
+_COUNTS = [SCORES.index(name) for name in ("values", "outliers", "usable", "samples")]
 
 
 def scores(**given: float) -> Tensor:
@@ -38,7 +51,7 @@ class Moments:
         labels: of the groups [B].
         gram: ΦᵀWΦ [B, C, K, K].
         moment: ΦᵀWr [B, C, K].
-        scores: of the residual [B, 8], see `SCORES`.
+        scores: of the residual [B, S], see `SCORES`.
     """
 
     labels: Tensor
@@ -115,7 +128,7 @@ def moments(columns: Columns, problem: LeastSquares, residual: Tensor, groups: T
 
 
 def _rows(problem: LeastSquares, residual: Tensor) -> Tensor:
-    """What the scores add up, sample by sample [7, n]."""
+    """What the scores add up, sample by sample: all but the last of them, [10, n]."""
     squared, signal, means = residual.square(), problem.response.square(), problem.means
     if means is not None:
         # Means over the pixels that each sample stands for.
@@ -129,17 +142,24 @@ def _rows(problem: LeastSquares, residual: Tensor) -> Tensor:
         # What stands for nothing leaves no trace.
         counted |= means.pixels == 0
     chi2 = cost
-    plain = values = cost.new_full((), residual.shape[1]).expand(len(cost))
+    usable = plain = values = cost.new_full((), residual.shape[1]).expand(len(cost))
+    every = trimmed = (squared @ ones, signal @ ones)
     if not bool(counted.all()):
-        squared, signal, chi2 = squared * counted, signal * counted, (weighted * counted) @ ones
+        trimmed, chi2 = ((squared * counted) @ ones, (signal * counted) @ ones), (weighted * counted) @ ones
         plain, values = problem.plain.to(cost) @ ones, counted.to(cost) @ ones
+    if problem.errors is not None:
+        model, (measured, counts) = problem.response - residual, problem.errors
+        # What is merged is not clipped: there is nothing scattered about a clipped value.
+        squared = torch.where(measured == problem.response, squared, (measured - model).square())
+        signal = torch.where(measured == problem.response, signal, measured.square())
+        usable, every = counts.to(cost) @ ones, ((squared * counts) @ ones, (signal * counts) @ ones)
     # Each counts for as many pixels as it stands for.
-    rows = torch.stack([values, plain - values, squared @ ones, signal @ ones, torch.ones_like(cost)])
+    rows = torch.stack([values, plain - values, usable, *every, *trimmed, torch.ones_like(cost)])
     return torch.cat([cost[None], chi2[None], rows if means is None else rows * means.pixels[:, 0]])
 
 
 def raised(scores: Tensor, rises: Tensor) -> Tensor:
-    """Scores [B, 8] where the squared residual of each group rises by so much [B]."""
+    """Scores [B, S] where the squared residual of each group rises by so much [B]."""
     out = scores.clone()
     out[:, [SCORES.index("cost"), SCORES.index("chi2")]] += rises[:, None]
     return out

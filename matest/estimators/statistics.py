@@ -44,7 +44,7 @@ class Statistics:
         labels: of the groups [B].
         informations: JᵀWJ of each [B, Q, Q].
         gradients: JᵀWr of each [B, Q].
-        scores: of the residual of each [B, 8], see `SCORES`.
+        scores: of the residual of each [B, S], see `SCORES`.
         places: positions in u of the Q unknowns of each group [B, Q]; None: all P, in their order.
         prior: what is known of the unknowns beside the samples; None: nothing.
         unknowns: P; None: Q.
@@ -92,9 +92,17 @@ class Statistics:
 
     @property
     def relative_rmse(self) -> float:
-        """Rms residual over rms signal; 0 without signal."""
-        signal = self.total("squared_signal")
-        return math.sqrt(self.total("squared_residual") / signal) if signal > 0 else 0.0
+        """Rms residual over rms signal of all usable values, outliers too; 0 without signal."""
+        return self._relative("squared")
+
+    @property
+    def relative_rmse_trimmed(self) -> float:
+        """The same without outliers and values near the ends of the sensor's range."""
+        return self._relative("trimmed")
+
+    def _relative(self, kind: str) -> float:
+        signal = self.total(f"{kind}_signal")
+        return math.sqrt(self.total(f"{kind}_residual") / signal) if signal > 0 else 0.0
 
     @property
     def size(self) -> int:

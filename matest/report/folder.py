@@ -16,6 +16,7 @@ from pathlib import Path
 from matest.brdf import Brdf
 from matest.capture import Capture
 from matest.errors import InputError
+from matest.estimation.estimate import PredictionErrors
 from matest.estimation.result import Estimate
 from matest.progress import Progress, silent
 from matest.report.page import page
@@ -103,13 +104,14 @@ def _write_json(path: Path, content: dict) -> None:
     path.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", "utf-8")
 
 
-def write_prediction(material: Brdf, errors: list[float | None], capture: Capture, out: Path) -> None:
+def write_prediction(material: Brdf, errors: PredictionErrors, capture: Capture, out: Path) -> None:
     """Write predicted images: `NN.exr` (linear radiance), the pictures of `write_pictures`, `prediction.json`."""
     check_destination(out, "prediction.json")
     with whole_folder(out) as folder:
         write_pictures(capture, material, folder, radiance=True)
         images = [
             {"image": name, "prediction": f"{number:02d}.exr", "relative_rmse": error}
-            for number, (name, error) in enumerate(zip(capture.names, errors, strict=True))
+            for number, (name, error) in enumerate(zip(capture.names, errors.images, strict=True))
         ]
-        _write_json(folder / "prediction.json", {"schema": "matest.prediction/1", "images": images})
+        content = {"schema": "matest.prediction/1", "images": images, "relative_rmse": errors.pooled}
+        _write_json(folder / "prediction.json", content)

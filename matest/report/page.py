@@ -63,9 +63,7 @@ def page(estimate: Estimate, files: list[str]) -> str:
         error = share(estimate.holdout["relative_rmse"])
         parts.append(f"<p>Held out of the fit, image {left}: relative rms error {error}.</p>")
     if estimate.candidates:
-        parts.append(
-            "<h2>Models tried, and their error on what was left out</h2><p>Over a sample spread evenly over angles.</p>"
-        )
+        parts.append("<h2>Models tried, and their relative rms error on what was left out</h2>")
         parts.append(
             _table(
                 ("model", "error", "verdict"),

@@ -11,6 +11,7 @@ from rich.text import Text
 
 from matest.brdf import Brdf
 from matest.brdf.presets import Preset
+from matest.estimation.estimate import PredictionErrors
 from matest.estimation.result import Estimate
 from matest.parameters import options_of, parameters_of
 from matest.profiles import Comparison
@@ -39,7 +40,10 @@ def estimate_table(estimate: Estimate) -> Group:
         parts.append(_candidates(estimate))
     parts.append(table)
     parts.append(Text(fit.message))
-    summary = f"relative rms error {fit.relative_rmse:.2%}, {fit.samples_used:,} of {fit.samples:,} samples"
+    summary = f"relative rms error {fit.relative_rmse:.2%}"
+    if fit.values_left_out:
+        summary += f" ({fit.relative_rmse_trimmed:.2%} without the {fit.values_left_out:,} values left out as outliers)"
+    summary += f", {fit.samples_used:,} of {fit.samples:,} samples"
     saturated = estimate.skipped.get("samples", {}).get("saturated", 0)
     if saturated:
         summary += f" and {saturated:,} saturated ones"
@@ -97,12 +101,15 @@ def presets_table(presets: Mapping[str, Preset]) -> Table:
     return table
 
 
-def prediction_table(errors: list[float | None], files: list[str]) -> Table:
+def prediction_table(errors: PredictionErrors, files: list[str]) -> Table:
+    """The error of every image, and of all together."""
     table = Table(box=SIMPLE_HEAD)
     table.add_column("image")
     table.add_column("relative rms error", justify="right")
-    for file, error in zip(files, errors, strict=True):
+    for file, error in zip(files, errors.images, strict=True):
         table.add_row(file, share(error))
+    table.add_section()
+    table.add_row("all together", share(errors.pooled))
     return table
 
 
@@ -122,7 +129,7 @@ def comparison_table(comparison: Comparison) -> Table:
 def _candidates(estimate: Estimate) -> Table:
     table = Table(
         box=SIMPLE_HEAD,
-        title="Models tried, and their error on what was left out (a sample spread evenly over angles)",
+        title="Models tried, and their relative rms error on what was left out",
         title_justify="left",
     )
     table.add_column("model", no_wrap=True)

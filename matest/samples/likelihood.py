@@ -85,6 +85,18 @@ class Means(NamedTuple):
     scatter: Tensor
 
 
+class Errors(NamedTuple):
+    """What the relative error of a model is taken of where some values are clipped, all [n, C].
+
+    Attributes:
+        measured: the radiance; of a clipped value the end of the sensor's range.
+        usable: whether a value counts; a clipped one does where the model lies on the wrong side of that end.
+    """
+
+    measured: Tensor
+    usable: Tensor
+
+
 class LeastSquares(NamedTuple):
     """The least-squares problem that stands for the likelihood near a reference, all [n, C].
 
@@ -94,12 +106,14 @@ class LeastSquares(NamedTuple):
         plain: values that a goodness of fit may be judged by: measured, and not near the ends of the sensor's range
             where the reference is too.
         means: what the samples are means of; None: every sample is one pixel.
+        errors: what a relative error is taken of; None: the response, and all of it.
     """
 
     response: Tensor
     weight: Tensor
     plain: Tensor
     means: Means | None = None
+    errors: Errors | None = None
 
 
 def first_guess(radiance: Tensor, noise: MeasurementNoise, means: Means | None = None) -> LeastSquares:
@@ -164,7 +178,26 @@ def about(
         weight[at] = trust * hazard * (hazard + z) / (spread / residual_scale).square()
         # A clipped value says nothing of how well the model fits, unless it is an outlier.
         plain[at] = trust == 0
-    return LeastSquares(response, weight, plain, means)
+    return LeastSquares(response, weight, plain, means, errors_of(reference, radiance, noise))
+
+
+def errors_of(reference: Tensor, radiance: Tensor, noise: MeasurementNoise) -> Errors | None:
+    """What the relative error of a model of radiance `reference` [n, C] is taken of; None where nothing is clipped."""
+    if noise.limits is None or noise.clipped is None or not bool(noise.clipped.any()):
+        return None
+    lower, upper = (end.expand_as(reference) for end in noise.limits)
+    saturated, black = noise.clipped > 0, noise.clipped < 0
+    measured = torch.where(saturated, upper, torch.where(black, lower, radiance))
+    return Errors(measured, ~(saturated & (reference >= upper)) & ~(black & (reference <= lower)))
+
+
+def squared_errors(reference: Tensor, radiance: Tensor, noise: MeasurementNoise) -> tuple[float, float]:
+    """Sums of the squared residual and of the squared signal of all usable values, for a model `reference` [n, C]."""
+    errors = errors_of(reference, radiance, noise)
+    residual, signal = radiance - reference, radiance
+    if errors is not None:
+        residual, signal = (errors.measured - reference) * errors.usable, errors.measured * errors.usable
+    return float(residual.double().square().sum()), float(signal.double().square().sum())
 
 
 def _of_means(weight: Tensor, means: Means | None) -> Tensor:

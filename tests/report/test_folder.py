@@ -11,6 +11,7 @@ import pytest
 
 from matest.brdf import OrenNayar
 from matest.capture import Capture
+from matest.estimation.estimate import PredictionErrors
 from matest.photographs.images import read_image
 from matest.report import folder as folders
 from matest.report.folder import check_destination, whole_folder, write_prediction, write_result
@@ -178,7 +179,7 @@ def test_a_foreign_folder_is_refused_before_anything_is_computed(tmp_path: Path,
 
 def test_a_prediction_has_linear_radiance_and_its_errors(tmp_path: Path, capture: Capture) -> None:
     material = clay().material
-    write_prediction(material, [0.01, 0.02], capture, tmp_path / "out")
+    write_prediction(material, PredictionErrors([0.01, 0.02], 0.015), capture, tmp_path / "out")
     images = render(capture.scene, material).numpy()
     for number in range(2):
         np.testing.assert_allclose(read_image(tmp_path / "out" / f"{number:02d}.exr"), images[number], rtol=1e-6)
@@ -193,5 +194,5 @@ def test_a_prediction_has_linear_radiance_and_its_errors(tmp_path: Path, capture
 def test_a_prediction_does_not_replace_an_estimate(tmp_path: Path, capture: Capture) -> None:
     write_result(clay(), capture, tmp_path / "matest")
     before = tree(tmp_path)
-    refusal(lambda: write_prediction(clay().material, [0.0, 0.0], capture, tmp_path / "matest"))
+    refusal(lambda: write_prediction(clay().material, PredictionErrors([0.0, 0.0], 0.0), capture, tmp_path / "matest"))
     assert tree(tmp_path) == before
