@@ -12,7 +12,7 @@ from torch import Tensor
 
 from matest.brdf import Brdf
 from matest.brdf.terms import Factor
-from matest.parameters import Domain, Parameter, Role
+from matest.parameters import Derived, Domain, Parameter, Role
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Problem:
         relative: the light scale is unknown: albedo-like parameters have no upper bound.
         gauge_limit: largest value of gauge parameters, the reciprocal of the brightest albedo: a facet reflects at
             most all light.
-        arbitrary: held parameters that only set a scale: nothing depends on them but ratios to them.
+        arbitrary: held parameters that only set a scale: only quantities derived from them and others have an effect.
         pinned: values that single unknowns are held at, by their position in u.
     """
 
@@ -73,6 +73,13 @@ class Problem:
             return Domain(declared.domain.lower, self.gauge_limit)
         carries_scale = self.relative and name in self.brdf.structure.scales
         return declared.domain.lifted() if carries_scale else declared.domain
+
+    def quantity(self, name: str) -> Derived | None:
+        """The derived quantity that is all that can be known of a parameter, one beside it being arbitrary; or None."""
+        for path, names in self.brdf.structure.derived.items():
+            if name in names and name not in self.arbitrary and {*names} & {*self.arbitrary}:
+                return self.brdf.derived[path]
+        return None
 
     def limit_of_gauges(self, unknowns: Tensor) -> float:
         """The largest gauge with which no facet reflects more than all light: 1 / (brightest albedo beside it)."""

@@ -19,7 +19,7 @@ from matest.identifiability.forecast import Forecast, as_estimated, bent_near, f
 from matest.identifiability.next_light import NextLight, next_light, with_light
 from matest.identifiability.plan import Plan, exposed
 from matest.identifiability.reasons import Nearness, Reasons
-from matest.inference.parameter_estimates import known_by_ratio, numerator_of, reported_name
+from matest.inference.parameter_estimates import known_by_ratio, reported_name
 from matest.inference.quantities import Number, ParameterEstimate
 from matest.parameters import Domain
 from matest.photographs.samples import Samples
@@ -275,13 +275,13 @@ def _nearness(samples: Samples) -> Nearness:
 
 
 def _by_ratio(specification: Specification, scene: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """Lengths of a scene's material in proportion to what the others are held at: only the ratio has an effect."""
+    """Lengths of a scene's material beside what the others are held at: only a derived quantity has an effect."""
     problem = specification.problem
+    quantities = {name: problem.quantity(name) for name in scene if name in problem.where}
     return {
-        name: value * problem.held[numerator] / scene[numerator]
-        for name, value in scene.items()
-        if name in problem.where and known_by_ratio(problem, name)
-        for numerator in (numerator_of(problem, name),)
+        name: quantity.inverse(quantity.value(scene), problem.held)
+        for name, quantity in quantities.items()
+        if quantity is not None
     }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 
@@ -18,6 +19,8 @@ from matest.parameters import Role
 
 # No better known than a value drawn evenly from the domain (its std is width/√12): not determined.
 _KNOWS_NOTHING = 1 / math.sqrt(12)
+# Likewise a derived quantity with a larger relative standard error than this.
+_DERIVED_UNKNOWN = 0.5
 # A bound is near within so many standard errors.
 _NEAR = 3.0
 # Likewise a value at or near a bound whose interval covers this share of the domain.
@@ -97,14 +100,12 @@ def parameter_estimates(solution: Solution, bars: ErrorBars) -> dict[str, Parame
             out[name] = replace(found, status=status, unit=declared.unit, doc=declared.doc)
         elif declared.role is not Role.GAUGE or float(value) != 1:
             out[name] = ParameterEstimate(value.tolist(), None, None, declared.unit, "fixed", declared.doc)
-    for name in problem.brdf.declared:
-        if problem.declared(name).ratio is not None:
-            label, numerator = _ratio_names(problem, name)
-            out[label] = _ratio(solution, bars, name, out[name])
-            if numerator in problem.arbitrary and name in problem.where:
-                for length in (numerator, name):
-                    out[length] = replace(out[length], value=None, std=None, interval95=None, status="not determined")
-    return out
+    derived = {label: _derived(solution, bars, label, out) for label in problem.brdf.derived}
+    for names in problem.brdf.structure.derived.values():
+        if {*names} & {*problem.arbitrary} and {*names} & {*problem.where}:
+            for name in names:
+                out[name] = replace(out[name], value=None, std=None, interval95=None, status="not determined")
+    return out | derived
 
 
 def parameter_estimate(solution: Solution, bars: ErrorBars, name: str) -> ParameterEstimate:
@@ -164,40 +165,40 @@ def parameter_estimate(solution: Solution, bars: ErrorBars, name: str) -> Parame
     )
 
 
-def _ratio(solution: Solution, bars: ErrorBars, name: str, denominator: ParameterEstimate) -> ParameterEstimate:
-    """The ratio of a parameter `Parameter.ratio` names to this one, with its error bar to first order."""
-    problem, numerator = solution.problem, numerator_of(solution.problem, name)
-    values = problem.values(solution.unknowns)
-    top, bottom = float(values[numerator]), float(values[name])
-    ratio = top / bottom
-    doc = f"{numerator} / {name}"
-    source = problem.ties.get(name, name)
-    if source not in problem.where:
-        return ParameterEstimate(ratio, None, None, "1", denominator.status, doc)
-    if numerator in problem.where:
-        relative = torch.zeros(problem.size, dtype=torch.float64)
-        relative[problem.where[numerator].start], relative[problem.where[source].start] = 1 / top, -1 / bottom
-        information = solution.statistics.information / solution.statistics.misfit
-        found = error_of(information, relative)
-        if found is None or found > 0.5:
-            return ParameterEstimate(None, None, None, "1", "not determined", doc)
-        std = ratio * found * widening(solution, bars)
-        reach = quantile95(bars.covariance.degrees) * std
-        return ParameterEstimate(ratio, std, [max(ratio - reach, 0.0), ratio + reach], "1", "determined", doc)
-    if denominator.value is None:
-        return ParameterEstimate(None, None, None, "1", denominator.status, doc)
-    std_bottom = denominator.std
-    spread = None if std_bottom is None else ratio * float(std_bottom) / bottom  # type: ignore[arg-type]
-    ends = [top / end for end in reversed(denominator.interval95)]
-    return ParameterEstimate(ratio, spread, ends, "1", denominator.status, doc)
-
-
-def _ratio_names(problem: Problem, name: str) -> tuple[str, str]:
-    """Under which name the ratio to a parameter is reported, and its numerator (in a sum: paths)."""
-    ratio = problem.declared(name).ratio
-    assert ratio is not None
-    component = name.removesuffix(name.rpartition(".")[2])
-    return component + ratio[0], component + ratio[1]
+def _derived(
+    solution: Solution, bars: ErrorBars, label: str, estimates: Mapping[str, ParameterEstimate]
+) -> ParameterEstimate:
+    """A derived quantity, with its error bar to first order in the unknowns that it depends on."""
+    problem, quantity = solution.problem, solution.problem.brdf.derived[label]
+    names = problem.brdf.structure.derived[label]
+    everything = problem.values(solution.unknowns)
+    values = {name: everything[name] for name in names}
+    value, slopes = float(quantity.value(values)), quantity.slopes(values)
+    sources = {name: problem.ties.get(name, name) for name in names}
+    free = {source for source in sources.values() if source in problem.where}
+    if not free:
+        return ParameterEstimate(value, None, None, quantity.unit, "fixed", quantity.doc)
+    if len(free) == 1:
+        moving = [name for name in names if sources[name] in free]
+        found = estimates[moving[0]]
+        if found.value is None:
+            return ParameterEstimate(None, None, None, quantity.unit, found.status, quantity.doc)
+        std = None if found.std is None else abs(sum(slopes[name] for name in moving)) * float(found.std)  # type: ignore[arg-type]
+        # A function of one unknown takes the ends of its interval along.
+        at_ends = [values | {name: torch.as_tensor(end) for name in moving} for end in found.interval95]
+        ends = sorted(float(quantity.value(there)) for there in at_ends)
+        return ParameterEstimate(value, std, ends, quantity.unit, found.status, quantity.doc)
+    relative = torch.zeros(problem.size, dtype=torch.float64)
+    for name, source in sources.items():
+        if source in problem.where:
+            relative[problem.where[source].start] += slopes[name] / value
+    spread = error_of(solution.statistics.information / solution.statistics.misfit, relative)
+    if spread is None or spread > _DERIVED_UNKNOWN:
+        return ParameterEstimate(None, None, None, quantity.unit, "not determined", quantity.doc)
+    std = abs(value) * spread * widening(solution, bars)
+    reach = quantile95(bars.covariance.degrees) * std
+    interval = [max(value - reach, 0.0), value + reach]
+    return ParameterEstimate(value, std, interval, quantity.unit, "determined", quantity.doc)
 
 
 def reported_labels(problem: Problem) -> list[str]:
@@ -206,24 +207,30 @@ def reported_labels(problem: Problem) -> list[str]:
 
 
 def reported_correlation(solution: Solution, bars: ErrorBars) -> list[list[float]]:
-    """Correlation of the estimates; a length of which only the ratio to another is known stands for that ratio."""
-    problem = solution.problem
-    sign = torch.tensor([-1.0 if known_by_ratio(problem, label) else 1.0 for label in problem.labels])
+    """Correlation of the estimates; a parameter of which only a derived quantity is known stands for that."""
+    sign = torch.tensor([_direction(solution, label) for label in solution.problem.labels])
     return (bars.covariance.correlation * sign[:, None] * sign[None, :]).tolist()
 
 
+def _direction(solution: Solution, name: str) -> float:
+    """Whether what is reported of a parameter grows (1) or falls (−1) with it."""
+    quantity = solution.problem.quantity(name)
+    if quantity is None:
+        return 1.0
+    values = solution.problem.values(solution.unknowns)
+    names = solution.problem.brdf.structure.derived[quantity.name]
+    return math.copysign(1.0, quantity.slopes({key: values[key] for key in names})[name])
+
+
 def reported_name(problem: Problem, name: str) -> str:
-    """The name under which what is known of a parameter is reported: its own, or that of its ratio to another."""
-    ratio = name in problem.brdf.declared and problem.declared(name).ratio is not None
-    return _ratio_names(problem, name)[0] if ratio and known_by_ratio(problem, name) else name
+    """The name under which what is known of a parameter is reported: its own, or that of a derived quantity."""
+    quantity = problem.quantity(name)
+    return name if quantity is None else quantity.name
 
 
 def known_by_ratio(problem: Problem, name: str) -> bool:
-    """Whether only the ratio of a parameter to another has an effect."""
-    declared = problem.brdf.declared.get(name)
-    if declared is None or declared.ratio is None:
-        return name in problem.arbitrary
-    return numerator_of(problem, name) in problem.arbitrary
+    """Whether only a quantity derived from a parameter and others has an effect."""
+    return name in problem.arbitrary or problem.quantity(name) is not None
 
 
 def seen_together(solution: Solution, bars: ErrorBars) -> set[str]:
@@ -232,8 +239,3 @@ def seen_together(solution: Solution, bars: ErrorBars) -> set[str]:
     locked = bars.covariance.undetermined & told
     locked[[*bars.bent, *bars.locked]] = True
     return {reported_name(problem, name) for name, place in problem.where.items() if bool(locked[place].any())}
-
-
-def numerator_of(problem: Problem, name: str) -> str:
-    """The parameter whose ratio to this one is reported."""
-    return _ratio_names(problem, name)[1]
