@@ -185,7 +185,9 @@ def _derived(
             return ParameterEstimate(None, None, None, quantity.unit, found.status, quantity.doc)
         std = None if found.std is None else abs(sum(slopes[name] for name in moving)) * float(found.std)  # type: ignore[arg-type]
         # A function of one unknown takes the ends of its interval along.
-        at_ends = [values | {name: torch.as_tensor(end) for name in moving} for end in found.interval95]
+        at_ends = [
+            values | {name: torch.tensor(end, dtype=torch.float64) for name in moving} for end in found.interval95
+        ]
         ends = sorted(float(quantity.value(there)) for there in at_ends)
         return ParameterEstimate(value, std, ends, quantity.unit, found.status, quantity.doc)
     relative = torch.zeros(problem.size, dtype=torch.float64)
