@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import Enum
 from functools import cache
 from typing import Any
@@ -97,7 +97,6 @@ class Parameter:
         when: the parameter exists only while these options of its model have one of these values.
         variants: other attributes that it has while these options have one of these values.
         periodic: the ends of the domain are the same value.
-        ratio: (name, numerator): an estimate reports numerator / value under that name.
     """
 
     domain: Domain
@@ -110,17 +109,64 @@ class Parameter:
     when: Mapping[str, tuple[str, ...]] = dataclasses.field(default_factory=dict)
     variants: tuple[tuple[Mapping[str, tuple[str, ...]], Mapping[str, Any]], ...] = ()
     periodic: bool = False
-    ratio: tuple[str, str] | None = None
 
     def under(self, options: Mapping[str, str]) -> Parameter | None:
         """The declaration under a model's options; None where the parameter does not exist."""
-        if not _met(self.when, options):
+        if not met(self.when, options):
             return None
-        changes = [change for conditions, change in self.variants if _met(conditions, options)]
+        changes = [change for conditions, change in self.variants if met(conditions, options)]
         return dataclasses.replace(self, **{name: value for change in changes for name, value in change.items()})
 
 
-def _met(conditions: Mapping[str, tuple[str, ...]], options: Mapping[str, str]) -> bool:
+@dataclasses.dataclass(frozen=True)
+class Derived:
+    """A quantity that follows from parameters of one value each: an estimate reports it, `--fix` holds it.
+
+    On which parameters it depends is found by connection (`Structure.derived`).
+
+    Attributes:
+        name: of the quantity (in a sum: its path).
+        unit: "1", "rad", "µm".
+        doc: what it is.
+        value: gives it, from values of the parameters by name.
+        sets: the parameter that takes what a given value of the quantity leaves for it, the others being given.
+        inverse: gives that, from the value of the quantity and those of the other parameters.
+        when: it exists only while these options of its model have one of these values.
+    """
+
+    name: str
+    unit: str
+    doc: str
+    value: Callable[[Mapping[str, Tensor]], Tensor]
+    sets: str
+    inverse: Callable[[Tensor, Mapping[str, Tensor]], Tensor]
+    when: Mapping[str, tuple[str, ...]] = dataclasses.field(default_factory=dict)
+
+    def within(self, component: str) -> Derived:
+        """The same in a sum, where parameters are named by path."""
+        path = f"{component}."
+
+        def inside(values: Mapping[str, Tensor]) -> dict[str, Tensor]:
+            return {name.removeprefix(path): value for name, value in values.items() if name.startswith(path)}
+
+        return dataclasses.replace(
+            self,
+            name=path + self.name,
+            value=lambda values: self.value(inside(values)),
+            sets=path + self.sets,
+            inverse=lambda value, others: self.inverse(value, inside(others)),
+        )
+
+    def slopes(self, values: Mapping[str, Tensor]) -> dict[str, float]:
+        """Derivatives by the parameters that it depends on."""
+        with torch.enable_grad():
+            leaves = {name: value.detach().clone().requires_grad_() for name, value in values.items()}
+            slopes = torch.autograd.grad(self.value(leaves), [*leaves.values()], allow_unused=True)
+        return {name: float(slope) for name, slope in zip(leaves, slopes, strict=True) if slope is not None}
+
+
+def met(conditions: Mapping[str, tuple[str, ...]], options: Mapping[str, str]) -> bool:
+    """Whether the options of a model are among those that something is declared for."""
     return all(options[name] in values for name, values in conditions.items())
 
 

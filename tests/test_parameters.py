@@ -7,7 +7,7 @@ import math
 import pytest
 import torch
 
-from matest.brdf import MODELS, CookTorrance, OrenNayar
+from matest.brdf import MODELS, CookTorrance, LiTorrance, OrenNayar
 from matest.parameters import Domain, interval, non_negative, options_of, parameters_of, unit_interval
 from tests import tolerances
 
@@ -105,3 +105,14 @@ def test_defaults_of_options_are_choices(name: str) -> None:
     brdf = MODELS[name]()
     for key, choices in options_of(MODELS[name]).items():
         assert getattr(brdf, key) in choices
+
+
+def test_slopes_of_a_derived_quantity_are_its_derivatives_by_what_it_depends_on() -> None:
+    quantity = LiTorrance().derived["slope_ratio"]
+    values = {name: torch.tensor(value).double() for name, value in (("height_rms", 0.5), ("correlation_length", 4.0))}
+    assert float(quantity.value(values)) == 0.125
+    assert quantity.slopes(values) == pytest.approx({"height_rms": 0.25, "correlation_length": -0.5 / 16})
+    beside = {f"rough.{name}": value for name, value in values.items()} | {"height_rms": torch.tensor(9.0)}
+    inside = quantity.within("rough")
+    assert inside.slopes(beside).keys() == {"rough.height_rms", "rough.correlation_length"}
+    assert float(inside.inverse(inside.value(beside), beside)) == 4.0

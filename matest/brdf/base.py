@@ -15,7 +15,7 @@ from matest.brdf.structure import Structure, joined, structure_of
 from matest.brdf.terms import Term
 from matest.directions import Directions, above_horizon
 from matest.errors import InputError, nearest
-from matest.parameters import Parameter, Role, options_of, parameters_of
+from matest.parameters import Derived, Parameter, Role, met, options_of, parameters_of
 
 Options = tuple[tuple[str, str], ...]
 
@@ -38,6 +38,7 @@ class Brdf:
     excluded: ClassVar[
         tuple[tuple[dict[str, str], str], ...]
     ] = ()  # choices of options that do not go together, and why
+    quantities: ClassVar[tuple[Derived, ...]] = ()  # what follows from parameters and is worth a name
     body: ClassVar[bool] = False  # a diffuse model: a `diffuse` part beside it would only compete with it
 
     def __post_init__(self) -> None:
@@ -66,6 +67,12 @@ class Brdf:
         """Declarations by name (in a sum: by path, `lambert.albedo`) of the parameters that exist under the options."""
         kind: type = type(self)
         return _declared(kind, _options(self))
+
+    @property
+    def derived(self) -> dict[str, Derived]:
+        """Quantities by name (in a sum: by path) that follow from its parameters under the options."""
+        options = dict(_options(self))
+        return {quantity.name: quantity for quantity in self.quantities if met(quantity.when, options)}
 
     @property
     def parameters(self) -> dict[str, Tensor]:
@@ -159,6 +166,11 @@ class Sum(Brdf):
         return {f"{name}.{key}": value for name, part in self._by_name.items() for key, value in part.declared.items()}
 
     @cached_property
+    def derived(self) -> dict[str, Derived]:
+        parts = [value.within(name) for name, part in self._by_name.items() for value in part.derived.values()]
+        return {quantity.name: quantity for quantity in parts}
+
+    @cached_property
     def structure(self) -> Structure:
         return joined({name: part.structure for name, part in self._by_name.items()})
 
@@ -207,8 +219,7 @@ def _declared(kind: type, options: Options) -> dict[str, Parameter]:
 
 @cache
 def _structure(kind: type[Brdf], options: Options) -> Structure:
-    model = kind(**dict(options))
-    return structure_of(model.declared, model.parameters, lambda values, pair: model.replace(values).terms(pair))
+    return structure_of(kind(**dict(options)))
 
 
 def _options(brdf: Brdf) -> Options:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import torch
 from torch import Tensor
@@ -14,7 +15,7 @@ from matest.brdf.base import Brdf
 from matest.brdf.microfacet import beckmann, beckmann_anisotropic
 from matest.directions import Directions
 from matest.errors import InputError
-from matest.parameters import Role, option
+from matest.parameters import Derived, Role, option
 
 _ISOTROPIC, _ANISOTROPIC = {"anisotropy": ("none",)}, {"anisotropy": ("printed", "corrected")}
 # Cosines below this count as this: at grazing the roughness of eq. 8 ends.
@@ -23,6 +24,19 @@ _COS_FLOOR = 1e-4
 _COS_CEILING = 1 - 2**-24
 # Exponents τ/σ are kept here: smoother surfaces have no masking, and none is this jagged.
 _EXPONENTS = (0.1, 1e3)
+
+
+def _slope_ratio(name: str, length: str, when: Mapping[str, tuple[str, ...]]) -> Derived:
+    """σ/τ, all that directions see of both lengths."""
+    return Derived(
+        name,
+        unit="1",
+        doc=f"height_rms / {length}",
+        value=lambda values: values["height_rms"] / values[length],
+        sets=length,
+        inverse=lambda ratio, others: others["height_rms"] / ratio,
+        when=when,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,15 +52,21 @@ class RoughSurface(Brdf):
 
     f0: Tensor = declarations.f0()
     height_rms: Tensor = declarations.height_rms(held=1.0, role=Role.YARDSTICK)
-    correlation_length: Tensor = declarations.correlation_length(when=_ISOTROPIC, ratio=("slope_ratio", "height_rms"))
+    correlation_length: Tensor = declarations.correlation_length(when=_ISOTROPIC)
     correlation_length_x: Tensor = declarations.correlation_length(
-        "correlation length along the tangent", when=_ANISOTROPIC, ratio=("slope_ratio_x", "height_rms")
+        "correlation length along the tangent", when=_ANISOTROPIC
     )
     correlation_length_y: Tensor = declarations.correlation_length(
-        "correlation length along the bitangent", 10.0, when=_ANISOTROPIC, ratio=("slope_ratio_y", "height_rms")
+        "correlation length along the bitangent", 10.0, when=_ANISOTROPIC
     )
     masking: str = option("on", choices=("on", "off"), doc="shadowing, masking and effective roughness")
     anisotropy: str = option("none", choices=("none", "printed", "corrected"), doc="law of the azimuth")
+
+    quantities: ClassVar[tuple[Derived, ...]] = (
+        _slope_ratio("slope_ratio", "correlation_length", _ISOTROPIC),
+        _slope_ratio("slope_ratio_x", "correlation_length_x", _ANISOTROPIC),
+        _slope_ratio("slope_ratio_y", "correlation_length_y", _ANISOTROPIC),
+    )
 
     def roughness(self, directions: Directions) -> Roughness:
         """Slopes 2 σe/τ and S/(4 cos θi cos θr) at directions."""

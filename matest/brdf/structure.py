@@ -6,18 +6,19 @@ parameter that is clamped there, are connected all the same.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
 from matest.brdf.terms import Factor, Product, Term, complement_of
 from matest.directions import Directions
-from matest.parameters import Parameter
 
-Terms = Callable[[Mapping[str, Tensor], Directions], tuple[Term, ...]]
+if TYPE_CHECKING:
+    from matest.brdf.base import Brdf
 
 # Any pair of directions off the normal and off each other serves: what is asked is not a value.
 _LIGHT = (0.48, 0.36, 0.8)
@@ -63,10 +64,12 @@ class Structure:
     Attributes:
         terms: of the model, in its order.
         coloured: parameters of which an estimate gives every channel its own value.
+        derived: of every derived quantity, the parameters that it depends on, in order of declaration.
     """
 
     terms: tuple[TermStructure, ...]
     coloured: frozenset[str]
+    derived: Mapping[str, tuple[str, ...]]
 
     @property
     def products(self) -> list[Product]:
@@ -101,21 +104,17 @@ class Structure:
         return [term.factors for term in self.terms if name in term.shape_parameters]
 
 
-def structure_of(declared: Mapping[str, Parameter], values: Mapping[str, Tensor], terms: Terms) -> Structure:
-    """The structure of one model.
-
-    Args:
-        declared: the parameters that exist under its options.
-        values: any values of them.
-        terms: gives its terms at values and directions.
-    """
+def structure_of(brdf: Brdf) -> Structure:
+    """The structure of one model under its options; its values do not matter."""
     with torch.inference_mode(False), torch.enable_grad():
-        leaves = {name: value.detach().clone().requires_grad_() for name, value in values.items()}
+        leaves = {name: value.detach().clone().requires_grad_() for name, value in brdf.parameters.items()}
         angle = torch.zeros((), dtype=torch.float64, requires_grad=True)
-        found = terms(leaves, _Turned(angle))
+        terms = brdf.replace(leaves).terms(_Turned(angle))
+        sources = {name: connected(quantity.value(leaves), leaves) for name, quantity in brdf.derived.items()}
         return Structure(
-            terms=tuple(_term_structure(term, leaves, angle) for term in found),
-            coloured=frozenset(name for name, parameter in declared.items() if parameter.per_channel),
+            terms=tuple(_term_structure(term, leaves, angle) for term in terms),
+            coloured=frozenset(name for name, declared in brdf.declared.items() if declared.per_channel),
+            derived={name: tuple(key for key in leaves if key in names) for name, names in sources.items()},
         )
 
 
@@ -124,6 +123,11 @@ def joined(components: Mapping[str, Structure]) -> Structure:
     return Structure(
         terms=tuple(term.within(name) for name, part in components.items() for term in part.terms),
         coloured=frozenset(f"{name}.{key}" for name, part in components.items() for key in part.coloured),
+        derived={
+            f"{name}.{quantity}": tuple(f"{name}.{key}" for key in keys)
+            for name, part in components.items()
+            for quantity, keys in part.derived.items()
+        },
     )
 
 

@@ -12,7 +12,7 @@ from matest.estimation.result import Candidate
 from matest.estimation.specification import Specification, beside_body
 from matest.estimators import Solution
 from matest.estimators.covariance import fisher
-from matest.inference.derived import known_by_ratio
+from matest.inference.derived import known_by_derived
 from matest.inference.error_bars import ErrorBars
 from matest.inference.posterior import Posterior
 from matest.inference.quantities import ParameterEstimate
@@ -211,7 +211,7 @@ def warnings(
             "lights, and that normals have y up and z toward the viewer, or try another model."
         )
     lost = [name for name, parameter in parameters.items() if parameter.status == "not determined"]
-    lost = [name for name in lost if not known_by_ratio(solution.problem, name)]
+    lost = [name for name in lost if not known_by_derived(solution.problem, name)]
     locked = [name for name in lost if name in posterior.seen_together]
     if len(locked) > 1:
         out.append(f"{' and '.join(locked)} are not determined: these images see only a combination of them; fix one.")

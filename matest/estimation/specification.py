@@ -15,7 +15,7 @@ from matest.brdf.base import absent
 from matest.errors import InputError, nearest
 from matest.estimation.options import Options, Value
 from matest.estimators import Problem
-from matest.parameters import OPTICS, Role
+from matest.parameters import OPTICS, Derived, Role
 
 
 class Optics(Protocol):
@@ -158,7 +158,7 @@ def by_path(
     free: Collection[str] = (),
     held: Mapping[str, Tensor] = MappingProxyType({}),
 ) -> dict[str, Value]:
-    """Values by path. A ratio of two lengths (`slope_ratio`) gives the lower one beside the upper as given or held.
+    """Values by path. A derived quantity (`slope_ratio`) gives the parameter that it sets, beside others given or held.
 
     Args:
         brdf: whose parameters they are.
@@ -167,29 +167,40 @@ def by_path(
         held: values of parameters that are, by path.
 
     Raises:
-        InputError: no such parameter, or several; a ratio that the lower length's domain does not hold.
+        InputError: no such parameter, or several; a quantity that the domain of the parameter it sets does not hold.
     """
-    ratios = {}
-    for path, declared in brdf.declared.items():
-        if declared.ratio is not None:
-            component = path.removesuffix(path.rpartition(".")[2])
-            ratios[component + declared.ratio[0]] = path, component + declared.ratio[1]
-    out = {resolve(brdf, name): value for name, value in given.items() if resolve(brdf, name, ratios) not in ratios}
-    for name, value in given.items():
-        if (ratio := resolve(brdf, name, ratios)) in ratios:
-            lower, upper = ratios[ratio]
-            if lower in out:
-                raise InputError(f"{name} and {lower} say the same; give one of them.")
-            default = float(held[upper]) if upper in held else brdf.declared[upper].held
-            length = out.get(upper, None if upper in free else default)
-            if not isinstance(value, int | float) or not isinstance(length, int | float):
-                raise InputError(f"{name} takes one number, and {upper} has to be fixed beside it.")
-            domain = brdf.declared[lower].domain
-            if not value > 0 or not domain.contains(torch.tensor(length / value)):
-                ends = f"{length / domain.upper:g} and {length / domain.lower:g}"
-                raise InputError(f"{name} must lie between {ends} ({upper} is {length:g} µm); got {value:g}.")
-            out[lower] = length / value
+    paths = {name: resolve(brdf, name, brdf.derived) for name in given}
+    out = {path: given[name] for name, path in paths.items() if path not in brdf.derived}
+    defaults = {name: declared.held for name, declared in brdf.declared.items()}
+    defaults |= {name: float(value) for name, value in held.items() if value.numel() == 1}
+    beside = {name: value for name, value in defaults.items() if name not in free} | out
+    for name, path in paths.items():
+        if path in brdf.derived:
+            quantity = brdf.derived[path]
+            if quantity.sets in out:
+                raise InputError(f"{name} and {quantity.sets} say the same; give one of them.")
+            out[quantity.sets] = _left_by(brdf, quantity, name, given[name], beside)
     return out
+
+
+def _left_by(brdf: Brdf, quantity: Derived, name: str, value: Value, beside: Mapping[str, Value | None]) -> float:
+    """What a value of a quantity leaves for the parameter that it sets, beside values of the others."""
+    numbers: dict[str, float] = {}
+    for other in brdf.structure.derived[quantity.name]:
+        if other != quantity.sets:
+            number = beside.get(other)
+            if not isinstance(value, int | float) or not isinstance(number, int | float):
+                raise InputError(f"{name} takes one number, and {other} has to be fixed beside it.")
+            numbers[other] = number
+    others = {other: torch.tensor(number, dtype=torch.float64) for other, number in numbers.items()}
+    domain = brdf.declared[quantity.sets].domain
+    found = quantity.inverse(torch.tensor(value, dtype=torch.float64), others)
+    if not domain.contains(found):
+        ends = [torch.tensor(end, dtype=torch.float64) for end in (domain.lower, domain.upper)]
+        least, most = sorted(float(quantity.value({**others, quantity.sets: end})) for end in ends)
+        told = ", ".join(f"{other} is {number:g} {brdf.declared[other].unit}" for other, number in numbers.items())
+        raise InputError(f"{name} must lie between {least:g} and {most:g} ({told}); got {value:g}.")
+    return float(found)
 
 
 def beside_body(brdf: Brdf, name: str) -> bool:

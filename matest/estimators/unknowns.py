@@ -14,7 +14,7 @@ from torch import Tensor
 from matest.brdf import Brdf
 from matest.brdf.terms import Factor
 from matest.estimators.statistics import PriorTerms
-from matest.parameters import Domain, Parameter, Role, non_negative
+from matest.parameters import Derived, Domain, Parameter, Role, non_negative
 from matest.samples import Groups
 
 # How many unknowns a block has: one, one per channel, or one per image.
@@ -67,7 +67,7 @@ class Problem:
         held: values of the parameters that are not estimated.
         ties: dependent name -> the name whose value it takes.
         relative: the light scale is unknown: albedo-like parameters have no upper bound.
-        arbitrary: held parameters that only set a scale: nothing depends on them but ratios to them.
+        arbitrary: held parameters that only set a scale: only quantities derived from them and others have an effect.
         pinned: values that single unknowns are held at, by their position in u.
         groups: of the samples; those on the axis of images need them.
     """
@@ -184,6 +184,13 @@ class Problem:
     def light_scale_limit(self) -> float:
         """Largest value of the gauge: see `limited`."""
         return min((self.domain(name).upper for name in self.gauges), default=math.inf)
+
+    def quantity(self, name: str) -> Derived | None:
+        """The derived quantity that is all that can be known of a parameter, one beside it being arbitrary; or None."""
+        for path, names in self.brdf.structure.derived.items():
+            if name in names and name not in self.arbitrary and {*names} & {*self.arbitrary}:
+                return self.brdf.derived[path]
+        return None
 
     def limit_of_gauges(self, unknowns: Tensor) -> float:
         """The largest gauge with which no facet reflects more than all light: 1 / (brightest albedo beside it)."""

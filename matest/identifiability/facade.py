@@ -20,7 +20,7 @@ from matest.identifiability.forecast import Forecast, as_estimated, bent_near, f
 from matest.identifiability.next_light import NextLight, next_light, with_light
 from matest.identifiability.plan import Plan, exposed
 from matest.identifiability.reasons import Nearness, Reasons
-from matest.inference.derived import known_by_ratio, numerator_of, reported_name
+from matest.inference.derived import known_by_derived, reported_name
 from matest.inference.quantities import Number, ParameterEstimate
 from matest.parameters import Domain
 from matest.photographs.samples import PhotographSamples
@@ -292,13 +292,13 @@ def _nearness(samples: PhotographSamples) -> Nearness:
 
 
 def _by_ratio(specification: Specification, scene: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """Lengths of a scene's material in proportion to what the others are held at: only the ratio has an effect."""
+    """Lengths of a scene's material beside what the others are held at: only a derived quantity has an effect."""
     problem = specification.problem
+    quantities = {name: problem.quantity(name) for name in scene if name in problem.where}
     return {
-        name: value * problem.held[numerator] / scene[numerator]
-        for name, value in scene.items()
-        if name in problem.where and known_by_ratio(problem, name)
-        for numerator in (numerator_of(problem, name),)
+        name: quantity.inverse(quantity.value(scene), problem.held)
+        for name, quantity in quantities.items()
+        if quantity is not None
     }
 
 
@@ -313,7 +313,7 @@ def _predictions(spread: Sequence[Forecast], why: Reasons, why_held: Reasons) ->
     out = {}
     found, problem = spread[0], spread[0].problem
     values = problem.values(found.unknowns)
-    by_ratio = {reported_name(problem, name): name for name in problem.free if known_by_ratio(problem, name)}
+    by_ratio = {reported_name(problem, name): name for name in problem.free if known_by_derived(problem, name)}
     for name, estimate in found.estimates().items():
         if name not in values and name not in by_ratio:
             continue
@@ -330,7 +330,7 @@ def _predictions(spread: Sequence[Forecast], why: Reasons, why_held: Reasons) ->
             if status == "determined" and source in why.bent:
                 status, reason = "weak", why.curved
             relative = None if lost else relative
-            if known_by_ratio(problem, name):
+            if known_by_derived(problem, name):
                 among, reason = None, f"only {reported_name(problem, name)} is seen without coherent light"
         elif source in why_held.problem.where:
             status, reason = "held", why_held.of(source)

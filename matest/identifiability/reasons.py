@@ -14,7 +14,7 @@ from matest.brdf.terms import Product
 from matest.directions import Directions
 from matest.errors import InputError
 from matest.identifiability.forecast import Forecast
-from matest.parameters import options_of, parameters_of
+from matest.parameters import Role, options_of
 
 # In relative units no parameter can be worse known than by this factor of itself: keeps null directions finite.
 _LARGEST = 1e4
@@ -28,8 +28,6 @@ _NO_EFFECT = 1e3
 _EXPONENT = 0.15
 # A lobe rises this much from 40 degrees off the mirror direction to it.
 _PEAKED = 5.0
-# Invariance to a change of parameters: rounding of float64 through a lobe's exponent.
-_INVARIANT = 1e-9
 
 
 @dataclass(frozen=True)
@@ -183,7 +181,7 @@ class Reasons:
         parts = {part.name: part for part in brdf.components} if isinstance(brdf, Sum) else {"": brdf}
         chosen = parts[component]
         keys = (name.rpartition(".")[2], other.rpartition(".")[2])
-        if other.rpartition(".")[0] != component or not _only_ratio(chosen, *keys):
+        if other.rpartition(".")[0] != component or not _only_derived(chosen, *keys):
             return None
         for option, choices in options_of(type(chosen)).items():
             for choice in choices:
@@ -191,7 +189,7 @@ class Reasons:
                     variant = replace(chosen, **{option: choice})  # type: ignore[type-var]
                 except InputError:
                     continue
-                if {*keys} <= {*variant.declared} and not _only_ratio(variant, *keys):
+                if {*keys} <= {*variant.declared} and not _only_derived(variant, *keys):
                     doc = type(chosen).__dataclass_fields__[option].metadata["doc"]  # type: ignore[attr-defined]
                     return f"{option}={choice} ({doc.partition(' (')[0]})"
         return None
@@ -210,17 +208,7 @@ class Reasons:
         return f"these images hardly change with {name}: only by {needed:.0%} of itself would it stand out of the noise"
 
 
-def _only_ratio(brdf: Brdf, name: str, other: str) -> bool:
-    """Whether a model stays the same when two parameters grow in proportion, at every level of their domains."""
-    wi = torch.tensor([[0.48, 0.36, 0.8], [-0.48, -0.352, 0.8035], [0.1, 0.3, 0.9487]], dtype=torch.float64)
-    wo = torch.tensor([[-0.48, -0.36, 0.8], [0.5, 0.3, 0.8124], [0.6, 0.0, 0.8]], dtype=torch.float64)
-    domains = {key: parameters_of(type(brdf))[key].domain for key in (name, other)}
-    for level in (0.02, 0.1, 0.5):
-        values = {key: torch.tensor(d.lower + level * min(d.width, 1.0)).double() for key, d in domains.items()}
-        here, grown = (
-            brdf.replace({key: factor * value for key, value in values.items()}).evaluate(Directions(wi, wo))
-            for factor in (1.0, 1.05)
-        )
-        if not torch.allclose(here, grown, rtol=_INVARIANT, atol=0):
-            return False
-    return True
+def _only_derived(brdf: Brdf, name: str, other: str) -> bool:
+    """Whether two parameters have an effect by a quantity derived from them only."""
+    roles = {brdf.declared[key].role for key in (name, other)}
+    return Role.YARDSTICK in roles and any({name, other} <= {*names} for names in brdf.structure.derived.values())

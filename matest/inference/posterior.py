@@ -9,7 +9,7 @@ from functools import cache
 from torch import Tensor
 
 from matest.estimators import Problem, Solution
-from matest.inference.derived import reported_correlation, reported_labels, reported_name, with_ratios
+from matest.inference.derived import reported_correlation, reported_labels, reported_name, with_derived
 from matest.inference.error_bars import ErrorBars, error_bars, expected_error_bars
 from matest.inference.expansion import Expansion
 from matest.inference.intervals import Intervals, profile_intervals
@@ -100,9 +100,9 @@ def _posterior(
         lobes,
         there,
         intervals,
-        with_ratios(expansion, bars, _estimates(expansion, final)),
+        with_derived(expansion, bars, _estimates(expansion, final)),
         reported_labels(problem),
-        reported_correlation(problem, bars),
+        reported_correlation(expansion, bars),
         _seen_together(expansion, bars, there, intervals),
         _nuisance(problem, final),
     )

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import pytest
 import torch
 
-from matest.brdf import model
+from matest.brdf import MODELS, LiTorrance, model
 from matest.estimation.options import Options
 from matest.estimation.specification import freed, resolve, specify
+from matest.parameters import Derived
 from tests.captures import refusal
 
 SUM = "oren-nayar+torrance-sparrow"
@@ -189,6 +191,43 @@ def test_a_ratio_that_results_report_can_be_fixed() -> None:
     assert float(bracketed.problem.held["correlation_length"]) == 4.0
     inside = specified("lambert+li-torrance", fix={"slope_ratio": 0.25})
     assert float(inside.problem.held["li-torrance.correlation_length"]) == 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class Bumpy(LiTorrance):
+    """A rough surface that tells of another quantity."""
+
+    name: ClassVar[str] = "bumpy"
+    quantities: ClassVar[tuple[Derived, ...]] = (
+        Derived(
+            "bump_volume",
+            unit="µm³",
+            doc="",
+            value=lambda values: values["height_rms"] * values["correlation_length"].square(),
+            sets="correlation_length",
+            inverse=lambda volume, others: (volume / others["height_rms"]).sqrt(),
+            when={"anisotropy": ("none",)},
+        ),
+    )
+
+
+def test_a_derived_quantity_that_is_fixed_gives_the_parameter_it_sets(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(MODELS, "bumpy", Bumpy)
+    found = specified("lambert+bumpy", fix={"bump_volume": 18.0, "height_rms": 2.0})
+    assert float(found.problem.held["bumpy.correlation_length"]) == 3.0
+    sources = ("bumpy.height_rms", "bumpy.correlation_length")
+    assert found.problem.brdf.structure.derived == {"bumpy.bump_volume": sources}
+    message = refusal(lambda: specified("lambert+bumpy", fix={"bump_volume": 0.5}))
+    assert "between 1 and 10000 (bumpy.height_rms is 1 µm)" in message
+    assert not Bumpy(anisotropy="printed").derived
+
+
+def test_a_quantity_names_the_parameter_that_only_it_tells_of() -> None:
+    chosen = specified("lambert+li-torrance").problem
+    assert chosen.quantity("li-torrance.correlation_length").name == "li-torrance.slope_ratio"
+    assert chosen.quantity("li-torrance.height_rms") is None
+    assert specified("li-torrance", fix={"height_rms": 1.0}).problem.quantity("correlation_length") is None
+    assert specified("li-torrance(coherent=on)").problem.quantity("correlation_length") is None
 
 
 def test_a_ratio_and_a_length_in_brackets_say_the_same() -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from matest.brdf import LiTorrance
-from matest.inference.derived import known_by_ratio, numerator_of, reported_correlation, reported_labels, reported_name
+from matest.inference.derived import known_by_derived, reported_correlation, reported_labels, reported_name
+from matest.inference.expansion import Expansion
 from tests.inference.judged import Judged, judged
 from tests.problems import problem
 from tests.simulated import Studio
@@ -27,10 +28,9 @@ def test_a_length_of_which_only_the_ratio_has_an_effect_is_reported_as_that_rati
     for length in ("height_rms", "correlation_length"):
         assert found[length].status == "not determined"
         assert found[length].value is None
-    assert known_by_ratio(model, "correlation_length")
-    assert known_by_ratio(model, "height_rms")
-    assert not known_by_ratio(model, "k_dd")
-    assert numerator_of(model, "correlation_length") == "height_rms"
+    assert known_by_derived(model, "correlation_length")
+    assert known_by_derived(model, "height_rms")
+    assert not known_by_derived(model, "k_dd")
     assert reported_name(model, "correlation_length") == "slope_ratio"
     assert reported_name(model, "k_dd") == "k_dd"
 
@@ -38,7 +38,7 @@ def test_a_length_of_which_only_the_ratio_has_an_effect_is_reported_as_that_rati
 def test_the_correlation_of_a_length_is_that_of_the_ratio_it_stands_for(corrugated: Judged) -> None:
     labels = reported_labels(corrugated.solution.problem)
     assert "slope_ratio" in labels
-    matrix = reported_correlation(corrugated.solution.problem, corrugated.posterior.bars)
+    matrix = reported_correlation(Expansion.of(corrugated.solution), corrugated.posterior.bars)
     ratio, other = labels.index("slope_ratio"), labels.index("k_dd")
     assert matrix[ratio][ratio] == pytest.approx(1)
     assert matrix[ratio][other] == pytest.approx(-float(corrugated.posterior.bars.covariance.correlation[ratio, other]))

@@ -153,8 +153,9 @@ def _figures(problem: Problem, truth: Tensor, information: Tensor, found: Estima
     out = []
     for name, place in problem.where.items():
         domain, declared = problem.domain(name), problem.declared(name)
-        # Of some parameters only a ratio to another is known, and reported.
-        label = name if declared.ratio is None else declared.ratio[0]
+        # Of some parameters a quantity derived from them and others is known, and reported.
+        quantity = next((derived for derived in problem.brdf.derived.values() if derived.sets == name), None)
+        label = name if quantity is None else quantity.name
         reported = found.parameters[label]
         single = place.stop - place.start == 1
         values = [reported.value] if not isinstance(reported.value, list) else reported.value
@@ -165,8 +166,9 @@ def _figures(problem: Problem, truth: Tensor, information: Tensor, found: Estima
             off = min(true - domain.lower, domain.upper - true)
             if bool(covariance.undetermined[position]) or std > little or off < _FROM_BOUND * std:
                 continue
-            if declared.ratio is not None:
-                true, std = _ratio(problem, declared.ratio[1], true, std)
+            if quantity is not None:
+                at = {**problem.held, name: truth[position]}
+                true, std = float(quantity.value(at)), std * abs(quantity.slopes(at)[name])
             # What is not determined is a single None.
             value, interval = (None, None) if values == [None] else (values[channel], ends[channel])
             out.append(
@@ -179,12 +181,6 @@ def _figures(problem: Problem, truth: Tensor, information: Tensor, found: Estima
                 )
             )
     return tuple(out)
-
-
-def _ratio(problem: Problem, numerator: str, value: float, std: float) -> tuple[float, float]:
-    """Value and standard error of numerator / parameter, the numerator held."""
-    ratio = float(problem.held[numerator]) / value
-    return ratio, ratio * std / value
 
 
 def _about(drawn: Draw) -> str:
