@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, Protocol
 
+# The metric of the limits that tells a quick run from a full one.
+QUICK = "quick"
+
 
 @dataclass(frozen=True)
 class Record:
