@@ -47,9 +47,9 @@ def main(files: list[str]) -> None:
     """Draw what the records hold."""
     records = [json.loads(line) for file in files for line in Path(file).read_text("utf-8").splitlines()]
     if not files:
-        from matest.benchmark import SUITES
+        from matest.benchmark import Effort, load
 
-        for record in SUITES["frontier"].run(False, lambda word, *_: print(word, flush=True)):
+        for record in load("frontier").run(Effort(), lambda word, *_: print(word, flush=True)):
             records.append(record.to_dict())
     HERE.mkdir(exist_ok=True)
     for suite, (name, draw) in PICTURES.items():

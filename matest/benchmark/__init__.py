@@ -2,103 +2,64 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
-from functools import partial
-from typing import NamedTuple
+from collections.abc import Collection
+from importlib import import_module
 
-from rich.console import RenderableType
-
-from matest.benchmark import tables
-from matest.benchmark.record import Progress, Record
-from matest.benchmark.rivals import solvers
-from matest.benchmark.suites import (
-    efficiency,
-    estimate,
-    frontier,
-    limits,
-    memory,
-    models,
-    outliers,
-    peers,
-    scaling,
-    start,
-    stress,
-)
+from matest.benchmark.record import Record
+from matest.benchmark.suite import PEERS, Effort, Suite
 from matest.errors import InputError, nearest
 
-
-class Suite(NamedTuple):
-    """`run(quick, progress)` yields the records of a suite, `table(records)` shows them.
-
-    A full run of all suites gives one that could go on for hours `seconds` of its half hour, as `within(seconds,
-    progress)`.
-    """
-
-    run: Callable[[bool, Progress], Iterator[Record]]
-    table: Callable[[list[Record]], RenderableType]
-    within: Callable[[float, Progress], Iterator[Record]] | None = None
-    seconds: float = 0.0
-
-
+# Every suite is the `SUITE` of the file of its name in `suites/`; here is what it measures, for the help. Files are
+# imported when they are run: they need torch, the help does not.
 SUITES = {
-    "models": Suite(models.run, tables.models_table, models.within, 200),
-    "stress": Suite(stress.run, tables.stress_table, stress.within, 150),
-    "efficiency": Suite(efficiency.run, efficiency.efficiency_table, efficiency.within, 180),
-    "outliers": Suite(outliers.run, outliers.outliers_table, outliers.within, 120),
-    "estimate": Suite(estimate.run, estimate.estimate_table),
-    "peers": Suite(peers.run, peers.peers_table, peers.within, 300),
-    "frontier": Suite(frontier.run, frontier.frontier_table),
-    "scaling": Suite(scaling.run, scaling.scaling_table),
-    "memory": Suite(memory.run, memory.memory_table),
-    "start": Suite(start.run, start.start_table),
+    "models": "values and gradients at a million pairs of directions, against one element-wise pass",
+    "stress": "non-finite results at ten million adversarial points a model, and float32 against float64",
+    "efficiency": "errors on 2,000 simulated captures a model against the Cramér-Rao bound",
+    "outliers": "the same with spoilt pixels",
+    "estimate": "time of 12 photographs of a megapixel against decoding them",
+    "peers": "time to 1 % against other solvers",
+    "frontier": "error of every solver over time",
+    "scaling": "growth of the time with pixels, images and parameters",
+    "memory": "peak of 12 and of 120 photographs",
+    "start": "fresh processes",
 }
-
-
 # Suites that peers take part in.
-RACES = {"peers": peers.run, "frontier": frontier.run}
+RACES = ("peers", "frontier")
+# The limits of the machine, which others are compared with, come first in every run.
+FIRST = "limits"
 
 
-def suites(text: str, against: str = "") -> dict[str, Suite]:
-    """The suites named in `text`, separated by commas; all of them if it is empty. The limits of the machine go first.
+def load(name: str) -> Suite:
+    """The suite of a name."""
+    return import_module(f"{__name__}.suites.{name}").SUITE
+
+
+def plan(suites: str, against: str = "", quick: bool = False) -> tuple[list[str], Effort]:
+    """What to run: names of suites, the limits of the machine first, and how much of each.
 
     Args:
-        text: names of suites.
+        suites: names, separated by commas; all of them if it is empty.
         against: names of the peers that `peers` and `frontier` race; all of them if it is empty. These are the only
             suites then that run without being named.
+        quick: fewer and smaller measurements.
 
     Raises:
         InputError: an unknown name.
     """
-    raced = _named(against, solvers.PEERS, "peer")
-    names = _named(text, SUITES, "suite") or (list(RACES) if raced else [])
-    if raced and not {*names} & {*RACES}:
-        raise InputError(f"--against goes with --suite {' or '.join(RACES)}; got --suite {text}.")
-    chosen = {name: SUITES[name] for name in names}
-    for name in RACES if raced else ():
-        if name in chosen:
-            chosen[name] = chosen[name]._replace(run=partial(RACES[name], against=raced))
-    if not names:
-        chosen = {name: suite._replace(run=_shared(suite)) for name, suite in SUITES.items()}
-    return {"limits": Suite(limits.run, limits.limits_table), **chosen}
+    peers = _listed(against, PEERS, "peer")
+    names = _listed(suites, SUITES, "suite") or (list(RACES) if peers else [])
+    if peers and not {*names} & {*RACES}:
+        raise InputError(f"--against goes with --suite {' or '.join(RACES)}; got --suite {suites}.")
+    effort = Effort(quick, shared=not names and not quick, against=tuple(peers) or PEERS)
+    return [FIRST, *(names or SUITES)], effort
 
 
-def _named(text: str, known: Collection[str], what: str) -> list[str]:
+def _listed(text: str, catalogue: Collection[str], what: str) -> list[str]:
     names = [name.strip() for name in text.split(",") if name.strip()]
     for name in names:
-        if name not in known:
-            raise InputError(f"unknown {what} '{name}'; {nearest(name, known)}")
-    return names
+        if name not in catalogue:
+            raise InputError(f"unknown {what} '{name}'; {nearest(name, catalogue)}")
+    return list(dict.fromkeys(names))
 
 
-def _shared(suite: Suite) -> Callable[[bool, Progress], Iterator[Record]]:
-    """`run` as one of all suites."""
-
-    def run(quick: bool, progress: Progress) -> Iterator[Record]:
-        if quick or suite.within is None:
-            return suite.run(quick, progress)
-        return suite.within(suite.seconds, progress)
-
-    return run
-
-
-__all__ = ["SUITES", "Record", "Suite", "suites"]
+__all__ = ["FIRST", "PEERS", "RACES", "SUITES", "Effort", "Record", "Suite", "load", "plan"]

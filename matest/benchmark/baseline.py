@@ -16,8 +16,7 @@ from typing import Literal, TypeVar
 
 import msgspec
 
-from matest.benchmark.record import Record
-from matest.benchmark.suites.limits import QUICK
+from matest.benchmark.record import QUICK, Record
 from matest.errors import InputError
 
 PATH = Path("tests/benchmark_baseline.json")

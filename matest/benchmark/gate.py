@@ -14,10 +14,9 @@ from pathlib import Path
 from rich.console import Console, Group, RenderableType
 from rich.text import Text
 
-from matest.benchmark import SUITES
+from matest.benchmark import FIRST, SUITES, load
 from matest.benchmark.baseline import Figure, is_quick, read, records_of, with_file
 from matest.benchmark.record import Record
-from matest.benchmark.suites import limits
 from matest.benchmark.tables import case_name, ruled
 from matest.errors import InputError
 
@@ -92,12 +91,10 @@ def main(file: str) -> None:
     records = records_of(Path(file))
     figures = expected(is_quick(records), SUITES, ("accuracy",))
     terminal = Console(highlight=False)
-    by_suite: dict[str, list[Record]] = {}
-    for record in records:
-        by_suite.setdefault(record.suite, []).append(record)
-    for name, table in {"limits": limits.limits_table, **{n: suite.table for n, suite in SUITES.items()}}.items():
-        if name in by_suite:
-            terminal.print(table(by_suite[name]))
+    for name in (FIRST, *SUITES):
+        chosen = [record for record in records if record.suite == name]
+        if chosen:
+            terminal.print(load(name).table(chosen))
     failed = worse(figures, records)
     terminal.print(gate_table(figures, failed))
     if failed:

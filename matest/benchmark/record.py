@@ -9,6 +9,9 @@ from matest.progress import Progress
 
 __all__ = ["Progress", "Record"]
 
+# The metric of the limits that tells a quick run from a full one.
+QUICK = "quick"
+
 
 @dataclass(frozen=True)
 class Record:

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from matest.benchmark import PEERS, RACES, SUITES, load, plan
 from matest.commands import arguments
 from matest.commands.console import console, print_json, progress
 from matest.errors import WORK_FAILED
@@ -18,8 +19,7 @@ def benchmark(
         str,
         typer.Option(
             metavar="NAME,...",
-            help="Only these: models, stress, efficiency, outliers, estimate, peers, frontier, scaling, memory, "
-            "start (default: all).",
+            help=f"Only these: {', '.join(SUITES)} (default: all).",
             show_default=False,
         ),
     ] = "",
@@ -28,8 +28,7 @@ def benchmark(
         str,
         typer.Option(
             metavar="NAME,...",
-            help="Race only these: adam, l-bfgs, least_squares, levenberg-marquardt, mitsuba, dr.jit (default: all). "
-            "Without --suite: peers and frontier.",
+            help=f"Race only these: {', '.join(PEERS)} (default: all). Without --suite: {' and '.join(RACES)}.",
             show_default=False,
         ),
     ] = "",
@@ -41,26 +40,20 @@ def benchmark(
 ) -> None:
     """Measure run time and error of the reflectance models and of the estimator.
 
-    models: values and gradients at a million pairs of directions, against one element-wise pass. stress: non-finite
-    results at ten million adversarial points a model, and float32 against float64. efficiency: errors on 2,000
-    simulated captures a model against the Cramér-Rao bound. outliers: the same with spoilt pixels. estimate: time of
-    12 photographs of a megapixel against decoding them. peers: time to 1 % against other solvers. frontier: error of
-    every solver over time. scaling: growth of the time with pixels, images and parameters. memory: peak of 12 and of
-    120 photographs. start: fresh processes.
+    {suites}
     All together take half an hour: models, stress, efficiency and outliers then do as much as their share allows, and
     peers race on smaller photographs.
     With --json one line a figure.
     """
-    from matest.benchmark import suites
     from matest.benchmark.gate import expected, gate_table, worse
 
-    chosen = suites(suite, against)
-    figures = expected(quick, chosen) if gate else []
+    names, effort = plan(suite, against, quick)
+    figures = expected(quick, names) if gate else []
     found = []
-    for name, one in chosen.items():
-        records = []
+    for name in names:
+        one, records = load(name), []
         with progress(name) as say:
-            for record in one.run(quick, say):
+            for record in one.run(effort, say):
                 records.append(record)
                 if as_json:
                     print_json(record.to_dict())
@@ -72,3 +65,8 @@ def benchmark(
         console(stderr=as_json).print(gate_table(figures, failed))
         if failed:
             raise typer.Exit(WORK_FAILED)
+
+
+benchmark.__doc__ = (benchmark.__doc__ or "").format(
+    suites=" ".join(f"{name}: {measures}." for name, measures in SUITES.items())
+)

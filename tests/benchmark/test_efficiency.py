@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from matest.benchmark import SUITES
+from matest.benchmark import Effort, load
 from matest.benchmark.instruments import trial as trials
 from matest.benchmark.instruments.trial import trial
 from matest.benchmark.suites import efficiency, outliers
@@ -39,7 +39,7 @@ def _few(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("suite", ["efficiency", "outliers"])
 def test_every_figure_has_its_interval_and_the_table_fits(suite: str) -> None:
     said: list[tuple[object, ...]] = []
-    found = list(SUITES[suite].run(True, lambda *words: said.append(words)))
+    found = list(load(suite).run(Effort(quick=True), lambda *words: said.append(words)))
     assert said[-1] == ("cook-torrance", 2, 2)
     by_metric = {(record.case, record.metric): record for record in found}
     assert len(by_metric) == len(found)
@@ -53,7 +53,7 @@ def test_every_figure_has_its_interval_and_the_table_fits(suite: str) -> None:
     limits = {record.metric: record.limit for record in found if record.limit is not None}
     assert limits == ({"optimum missed": 0} if suite == "efficiency" else {})
     terminal = Console(width=80, record=True)
-    terminal.print(SUITES[suite].table(found))
+    terminal.print(load(suite).table(found))
     shown = terminal.export_text()
     assert "…" not in shown
     assert all(name in shown for name in ("lambert", "cook-torrance", "diffuse", "2 captures a model"))
@@ -61,13 +61,13 @@ def test_every_figure_has_its_interval_and_the_table_fits(suite: str) -> None:
 
 @pytest.mark.parametrize("suite", ["efficiency", "outliers"])
 def test_no_capture_is_begun_after_the_time_and_the_table_says_how_many_there_were(suite: str) -> None:
-    found = list(SUITES[suite].within(0.0, lambda *_: None))
+    found = list(load(suite).run(Effort(seconds=0.0)))
     assert {record.case: record.value for record in found if record.metric == "captures"} == {
         "lambert": 1,
         "cook-torrance": 1,
     }
     terminal = Console(width=80, record=True)
-    terminal.print(SUITES[suite].table(found))
+    terminal.print(load(suite).table(found))
     assert "1 captures a model" in terminal.export_text()
 
 
@@ -86,7 +86,7 @@ def test_the_table_fits_the_longest_names_and_figures(scale: float) -> None:
     several = [trials.Trial(name, seed, (one,) * 9, 0.0, "fisher", "") for seed, one in enumerate(figures)]
     found = list(efficiency.records("efficiency", name, several, efficiency.TARGETS))
     terminal = Console(width=80, record=True)
-    terminal.print(efficiency.efficiency_table(found))
+    terminal.print(efficiency.table(found))
     shown = terminal.export_text()
     assert "…" not in shown
     assert name in shown

@@ -9,8 +9,8 @@ import pytest
 from rich.console import Console
 
 import matest
-from matest.benchmark import SUITES
-from matest.benchmark.instruments.photographs import MATERIALS, lights, take
+from matest.benchmark import Effort, load
+from matest.benchmark.instruments.photographs import MATERIALS, ring, take
 from matest.benchmark.suites import estimate
 
 
@@ -25,7 +25,7 @@ def test_every_stage_has_a_record_and_the_ratio_of_a_full_run_a_limit(
     quick: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(estimate, "SIZE", 48)
-    found = list(SUITES["estimate"].run(quick, lambda *_: None))
+    found = list(load("estimate").run(Effort(quick)))
     by_metric = {(record.case, record.metric): record for record in found}
     assert len(by_metric) == len(found)
     for case, limit in (("oren-nayar", 1), ("cook-torrance", 3)):
@@ -39,7 +39,7 @@ def test_every_stage_has_a_record_and_the_ratio_of_a_full_run_a_limit(
         assert ratio.limit == (None if quick else limit)
         assert by_metric[case, "photographs"].value == 3
     terminal = Console(width=80, record=True)
-    terminal.print(SUITES["estimate"].table(found))
+    terminal.print(load("estimate").table(found))
     shown = terminal.export_text()
     assert "…" not in shown
     assert "fit / decode" in shown
@@ -57,7 +57,7 @@ def test_the_photographs_are_of_the_stated_material_and_size(tmp_path: Path) -> 
 
 
 def test_lights_stand_on_all_sides_within_60_degrees_of_the_camera() -> None:
-    directions = lights(12)
+    directions = ring(12)
     np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1)
     assert (directions[:, 2] > 0.5).all()
     assert np.linalg.norm(directions[:, :2].mean(axis=0)) < 0.2

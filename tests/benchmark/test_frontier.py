@@ -6,10 +6,11 @@ import pytest
 import torch
 from rich.console import Console
 
-from matest.benchmark import SUITES
+from matest.benchmark import Effort, load
 from matest.benchmark.instruments import curves
-from matest.benchmark.instruments.subjects import GLOSSY, sphere_of
+from matest.benchmark.instruments.contest import GLOSSY, sphere_of
 from matest.benchmark.record import Record
+from matest.benchmark.rivals import race
 from matest.benchmark.suites import frontier
 
 SIZE = 32
@@ -30,12 +31,12 @@ def records() -> list[Record]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(frontier, "SIZE_QUICK", SIZE)
         patch.setattr(frontier, "PATIENCE_QUICK", 0.2)
-        patch.setattr(frontier, "BATCH", 2000)
+        patch.setattr(race, "BATCH", 2000)
         patch.setattr(frontier, "CASES", {CASE: frontier.CASES[CASE]})
-        found = list(SUITES["frontier"].run(True, lambda *_: None))
+        found = list(load("frontier").run(Effort(quick=True)))
         glossy = sphere_of(GLOSSY, SIZE)
         yardstick = curves.Yardstick(glossy.truth, glossy.bound(), glossy.truth)
-        for name, curve in frontier.of_renderers(None, yardstick).items():
+        for name, curve in frontier.of_renderers({"mitsuba": [], "dr.jit": []}, yardstick).items():
             found += frontier.figures(CASE, name, curve, curve)
     return found
 
@@ -61,7 +62,7 @@ def test_table_fits_and_says_what_is_missing_and_where_matest_loses(records: lis
     records = [r for r in records if r not in slower]
     records += [Record("frontier", r.case, r.metric, 0.5, "1", "higher", 1.0) for r in slower]
     terminal = Console(width=80, record=True)
-    terminal.print(SUITES["frontier"].table(records))
+    terminal.print(load("frontier").table(records))
     shown = terminal.export_text()
     assert "…" not in shown
     assert "oren-nayar vase, l-bfgs, to 1 %: in 0.5 of matest's time" in shown

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 import time
 from collections.abc import Callable
@@ -170,27 +171,22 @@ def test_worse_means_beyond_the_tolerance_or_not_a_number(value: float | None, f
     assert bool(gate.worse([figure], [Record("s", "c", "m", value, "1")])) is fails
 
 
-def test_a_whole_run_gives_long_suites_their_share_and_one_alone_all(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[Any] = []
-    for name, suite in benchmark.SUITES.items():
-        own = suite._replace(
-            run=lambda quick, _, name=name: iter([asked.append((name, quick))]),
-            within=suite.within and (lambda seconds, _, name=name: iter([asked.append((name, seconds))])),
-        )
-        monkeypatch.setitem(benchmark.SUITES, name, own)
+def test_a_whole_run_gives_long_suites_their_share_and_one_alone_all() -> None:
+    def seconds_of(text: str, quick: bool) -> dict[str, float]:
+        names, effort = benchmark.plan(text, quick=quick)
+        given: dict[str, float] = {}
+        for name in names:
+            suite = replace(
+                benchmark.load(name),
+                measure=lambda effort, _, name=name: iter([given.update({name: effort.seconds})]),
+            )
+            list(suite.run(effort))
+        return given
 
-    def asked_for(text: str, quick: bool) -> dict[str, Any]:
-        asked.clear()
-        for name, suite in benchmark.suites(text).items():
-            if name != "limits":
-                list(suite.run(quick, lambda *_: None))
-        return dict(asked)
-
-    assert asked_for("efficiency", False) == {"efficiency": False}
-    assert set(asked_for("", True).values()) == {True}
-    whole = asked_for("", False)
-    shared = [name for name, suite in benchmark.SUITES.items() if suite.within]
+    assert seconds_of("efficiency", False)["efficiency"] == math.inf
+    assert set(seconds_of("", True).values()) == {math.inf}
+    shared = {name: seconds for name, seconds in seconds_of("", False).items() if seconds < math.inf}
     assert {"efficiency", "outliers", "stress"} <= set(shared)
-    assert all(whole[name] == benchmark.SUITES[name].seconds > 0 for name in shared)
+    assert all(seconds == benchmark.load(name).share > 0 for name, seconds in shared.items())
     # Of half an hour, and the others need their own.
-    assert sum(whole[name] for name in shared) <= 1100
+    assert sum(shared.values()) <= 1100

@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 import matest
-from matest.benchmark import SUITES
+from matest.benchmark import Effort, load
 from matest.benchmark.instruments.photographs import take
 from matest.benchmark.suites import memory
 
@@ -26,12 +26,12 @@ def test_growth_is_the_difference_of_the_peaks(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(memory, "SIZE_QUICK", 32)
     monkeypatch.setattr(memory, "FEW", 2)
     monkeypatch.setattr(memory, "peak", peak)
-    found = list(SUITES["memory"].run(True, lambda *_: None))
+    found = list(load("memory").run(Effort(quick=True)))
     assert counts == [2, 20]
     assert [record.value for record in found] == [100, 350, 3.5, 250]
     assert [record.metric for record in found if record.misses] == ["growth"]
     terminal = Console(width=80, record=True)
-    terminal.print(SUITES["memory"].table(found))
+    terminal.print(load("memory").table(found))
     assert "growth = 250, limit 200" in terminal.export_text()
 
 

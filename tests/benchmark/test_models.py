@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
+from matest.benchmark import Effort
 from matest.benchmark.instruments import passes, timing
 from matest.benchmark.record import Record
 from matest.benchmark.suites import models
@@ -21,7 +22,7 @@ def _short(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def measured(expression: str, compiled: bool = False) -> dict[str, Record]:
-    return {record.metric: record for record in models.measure(expression, PAIRS, compiled)}
+    return {record.metric: record for record in models.times_of(expression, PAIRS, compiled)}
 
 
 @pytest.mark.parametrize("expression", ["lambert", "cook-torrance(masking=smith)"])
@@ -92,7 +93,7 @@ def test_times_are_the_shortest_of_each() -> None:
 def test_no_model_is_compiled_after_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(models, "variants", lambda: ["lambert"])
     monkeypatch.setattr(models, "PAIRS", 1000)
-    monkeypatch.setattr(models.table4, "run", lambda *_: iter(()))
-    found = list(models.within(0.0, lambda *_: None))
+    monkeypatch.setattr(models.table4, "measure", lambda *_: iter(()))
+    found = list(models.SUITE.run(Effort(seconds=0.0)))
     assert "one call forward" in {record.metric for record in found}
     assert not [record.metric for record in found if "compiled" in record.metric]

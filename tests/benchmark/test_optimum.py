@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import pytest
 
+from matest.benchmark.instruments.bound import problem_of
 from matest.benchmark.instruments.optimum import excess
-from matest.benchmark.instruments.simulated import CLEAN, draw
-from matest.estimation.options import Options
-from matest.estimation.specification import specify
+from matest.benchmark.instruments.simulated import draw
 from matest.identifiability.forecast import unknowns_at
 
 
 @pytest.mark.parametrize("expression", ["oren-nayar", "cook-torrance"])
 def test_the_grid_finds_what_a_fit_stuck_elsewhere_has_missed(expression: str) -> None:
     drawn = draw(expression, 1)
-    capture = drawn.photograph(CLEAN)
+    capture = drawn.photograph()
     held = {"f0": 0.04} if expression == "cook-torrance" else {}
-    problem = specify(expression, Options(fix=held), channels=capture.channels, relative=False).problem
+    problem = problem_of(drawn, held)
     truth = unknowns_at(problem, drawn.material.parameters)
     stuck = truth.clone()
     stuck[problem.where[problem.shapes[0]]] *= 2

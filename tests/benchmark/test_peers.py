@@ -9,12 +9,12 @@ import pytest
 import torch
 from rich.console import Console
 
-from matest.benchmark import SUITES
-from matest.benchmark.instruments.photographs import MATERIALS
-from matest.benchmark.instruments.subjects import sphere_of
+from matest.benchmark import Effort, load
+from matest.benchmark.instruments.contest import sphere_of
+from matest.benchmark.instruments.photographs import material_of
 from matest.benchmark.instruments.task import Task, Trace, distance
 from matest.benchmark.instruments.timing import no_compiler
-from matest.benchmark.rivals import hand_written, renderers, solvers
+from matest.benchmark.rivals import hand_written, race, renderers, solvers
 from matest.benchmark.suites import peers
 from matest.shading import shade
 
@@ -38,10 +38,11 @@ def task_of(expression: str) -> Task:
 def test_hand_written_radiance_is_the_shader_s(expression: str) -> None:
     task = task_of(expression).double()
     written = peers.HAND_WRITTEN[expression](task.points)
-    truth = {name: torch.tensor(value, dtype=torch.float64) for name, value in MATERIALS[expression].items()}
+    material = material_of(expression)
+    truth = material.parameters
     amplitudes = torch.stack([truth[name] for name in written.unknowns.amplitudes])
     radiance, _ = written.evaluate(amplitudes, truth[written.unknowns.shape])
-    torch.testing.assert_close(radiance, shade(task.start.replace(truth), task.points), rtol=1e-4, atol=1e-6)
+    torch.testing.assert_close(radiance, shade(material, task.points), rtol=1e-4, atol=1e-6)
 
 
 @pytest.mark.parametrize("expression", MODELS)
@@ -67,7 +68,7 @@ def test_hand_written_jacobian_is_that_of_differences(expression: str) -> None:
 def test_every_peer_reaches_the_optimum_from_the_middle_of_the_domain(expression: str) -> None:
     task = task_of(expression)
     prepare = peers.HAND_WRITTEN[expression]
-    optimum = sphere_of(expression, SIZE).optimum(prepare)
+    optimum = hand_written.optimum(task, sphere_of(expression, SIZE).truth, prepare)
     assert distance(task.start.parameters, optimum) > 0.1
     for trace in (
         solvers.lbfgs(task),
@@ -97,16 +98,16 @@ def test_compiled_solvers_do_the_same_as_eager_ones() -> None:
         for compiled in (False, True)
     ]
     assert distance(*steps) < 1e-4
-    optimum = sphere_of("oren-nayar", SIZE).optimum(peers.HAND_WRITTEN["oren-nayar"])
+    optimum = hand_written.optimum(task, sphere_of("oren-nayar", SIZE).truth, hand_written.oren_nayar)
     assert distance(solvers.lbfgs(task, compiled=True).values[-1], optimum) < 0.01
 
 
 def test_every_figure_is_there_and_matest_is_at_the_optimum(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(peers, "QUICK", peers.Effort(SIZE, MODELS, (0.1,), 0.3, compiles=False, judged=False))
-    monkeypatch.setattr(peers, "BATCH", 2000)
+    monkeypatch.setattr(peers, "QUICK", peers.Size(SIZE, MODELS, (0.1,), 0.3, compiles=False, judged=False))
+    monkeypatch.setattr(race, "BATCH", 2000)
     monkeypatch.setattr(peers, "ROUNDS", 1)
-    monkeypatch.setattr(renderers, "race", lambda *_: None)
-    found = list(SUITES["peers"].run(True, lambda *_: None))
+    monkeypatch.setattr(renderers, "race", lambda *_: {"mitsuba": [], "dr.jit": []})
+    found = list(load("peers").run(Effort(quick=True)))
     by_metric = {(record.case, record.metric): record for record in found}
     assert len(by_metric) == len(found)
     for case in MODELS:
@@ -121,7 +122,7 @@ def test_every_figure_is_there_and_matest_is_at_the_optimum(monkeypatch: pytest.
             else:
                 assert ratio.value == pytest.approx(seconds.value / by_metric[case, "matest"].value)
     terminal = Console(width=80, record=True)
-    terminal.print(SUITES["peers"].table(found))
+    terminal.print(load("peers").table(found))
     shown = terminal.export_text()
     assert "…" not in shown
     names = ("least_squares", "l-bfgs", "adam", "mitsuba", "dr.jit", "oren-nayar", "cook-torrance", "masking=smith")

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from matest.benchmark.instruments.photographs import MATERIALS, lights
-from matest.benchmark.instruments.simulated import IRRADIANCE
-from matest.benchmark.instruments.subjects import GLOSSY, RADIUS, Subject, sphere_of
+from matest.benchmark.instruments.contest import GLOSSY, Contest, sphere_of
+from matest.benchmark.instruments.photographs import IRRADIANCE, MATERIALS, RADIUS, ring
 from matest.benchmark.instruments.task import distance
 from matest.benchmark.rivals import drjit_solver, hand_written, mitsuba_tutorial, renderers
 from matest.benchmark.suites import peers
@@ -32,21 +31,21 @@ needs_llvm = pytest.mark.skipif(not llvm(), reason="needs Mitsuba 3 and LLVM")
 
 
 @pytest.fixture(scope="module")
-def glossy() -> Subject:
+def glossy() -> Contest:
     return sphere_of(GLOSSY, SIZE)
 
 
-def test_matest_renders_what_the_equations_say(glossy: Subject) -> None:
-    for number, exact in enumerate(glossy.draw.radiance):
-        image = render_image(glossy.capture.scene, number, glossy.draw.material, dtype=torch.float64).numpy()
+def test_matest_renders_what_the_equations_say(glossy: Contest) -> None:
+    for number, exact in enumerate(glossy.subject.radiance):
+        image = render_image(glossy.capture.scene, number, glossy.subject.material, dtype=torch.float64).numpy()
         np.testing.assert_allclose(image.reshape(-1, 3)[glossy.capture.scene.surface.pixels], exact, rtol=1e-9)
 
 
 @needs_llvm
-def test_mitsuba_renders_what_the_equations_say(glossy: Subject) -> None:
+def test_mitsuba_renders_what_the_equations_say(glossy: Contest) -> None:
     surface = glossy.capture.scene.surface
-    exact = np.stack([surface.image(image) for image in glossy.draw.radiance])
-    photographs = glossy.photographs()._replace(radiance=exact)
+    exact = np.stack([surface.image(image) for image in glossy.subject.radiance])
+    photographs = glossy.images()._replace(radiance=exact)
     scenes = mitsuba_tutorial.Scenes(photographs, glossy.truth)
     for number, image in enumerate(exact):
         rendered = np.array(scenes.render(number))
@@ -55,9 +54,9 @@ def test_mitsuba_renders_what_the_equations_say(glossy: Subject) -> None:
 
 
 @needs_llvm
-def test_tutorial_comes_closer(glossy: Subject) -> None:
+def test_tutorial_comes_closer(glossy: Contest) -> None:
     near = {name: glossy.truth[name] * 1.2 for name in ("diffuse", "specular", "slope")}
-    photographs = glossy.photographs()
+    photographs = glossy.images()
     photographs = photographs._replace(radiance=photographs.radiance[:2], toward=photographs.toward[:2])
     trace = mitsuba_tutorial.tutorial(photographs, near, 0.01, lambda trace: len(trace.values) == 12)
     only = {"diffuse": glossy.truth["diffuse"]}
@@ -65,30 +64,29 @@ def test_tutorial_comes_closer(glossy: Subject) -> None:
 
 
 @needs_llvm
-def test_drjit_solver_reaches_the_optimum_from_the_middle_of_the_domain(glossy: Subject) -> None:
-    optimum = glossy.optimum(hand_written.cook_torrance_smith)
+def test_drjit_solver_reaches_the_optimum_from_the_middle_of_the_domain(glossy: Contest) -> None:
+    optimum = hand_written.optimum(glossy.task, glossy.truth, hand_written.cook_torrance_smith)
     trace, prepared = drjit_solver.levenberg_marquardt(glossy.task)
     assert distance(trace.values[-1], optimum) < 1e-3
     assert 0 < prepared < trace.seconds[0]
 
 
 def test_without_llvm_or_mitsuba_one_sentence_says_what_is_missing(
-    glossy: Subject, monkeypatch: pytest.MonkeyPatch
+    glossy: Contest, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/nonexistent")
-    race = renderers.race(glossy.task, glossy.photographs(), glossy.truth, 1.0)
-    assert race is None
-    found = peers.against_renderers(race, glossy.truth)
-    assert found["mitsuba"] == found["dr.jit"] == peers.Found(None, renderers.MISSING)
+    race = renderers.race(glossy, glossy.truth, 1.0)
+    found = peers.of_renderers(race, glossy.truth)
+    assert found["mitsuba"] == found["dr.jit"] == peers.Result(None, renderers.MISSING)
     assert 'pip install "matest-brdf[peers]"' in renderers.MISSING
 
 
-def test_photographs_are_what_the_capture_holds(glossy: Subject) -> None:
-    photographs = glossy.photographs()
+def test_photographs_are_what_the_capture_holds(glossy: Contest) -> None:
+    photographs = glossy.images()
     assert photographs.radiance.shape == (12, SIZE, SIZE, 3)
     assert photographs.f0 == MATERIALS[GLOSSY]["f0"]
     assert (photographs.irradiance, photographs.radius) == (IRRADIANCE, RADIUS * SIZE)
-    np.testing.assert_array_equal(photographs.toward, lights(12))
-    exact = glossy.capture.scene.surface.image(glossy.draw.radiance[0])
+    np.testing.assert_array_equal(photographs.toward, ring(12))
+    exact = glossy.capture.scene.surface.image(glossy.subject.radiance[0])
     # Read noise is 0.002 of full scale, which is little above the brightest pixel.
     assert np.abs(photographs.radiance[0] - exact).max() < 0.05 * exact.max()

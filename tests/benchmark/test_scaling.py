@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from matest.benchmark import SUITES
-from matest.benchmark.instruments.photographs import MATERIALS
+from matest.benchmark import Effort, load
 from matest.benchmark.suites import limits, scaling
 
 
@@ -32,7 +31,7 @@ def test_every_series_has_its_times_exponent_and_limit(monkeypatch: pytest.Monke
     monkeypatch.setattr(scaling, "TIMES", (1, 2, 4))
     monkeypatch.setattr(scaling, "IMAGES", 2)
     monkeypatch.setattr(limits, "machine", lambda: limits.Limits(1e-10, 1e-7, 1e-9, 1e-9))
-    found = list(SUITES["scaling"].run(True, lambda *_: None))
+    found = list(load("scaling").run(Effort(quick=True)))
     names = [(record.case, record.metric) for record in found]
     assert len(set(names)) == len(names)
     for case, sizes in (("images", ["2", "4", "8"]), ("parameters", ["1", "4", "7"])):
@@ -40,7 +39,7 @@ def test_every_series_has_its_times_exponent_and_limit(monkeypatch: pytest.Monke
     exponents = {record.case: record.limit for record in found if record.metric == "exponent"}
     assert exponents == {"pixels": 1.05, "images": 1.05, "parameters": None}
     terminal = Console(width=80, record=True)
-    terminal.print(SUITES["scaling"].table(found))
+    terminal.print(load("scaling").table(found))
     shown = terminal.export_text()
     assert "…" not in shown
     assert "parameters" in shown
@@ -54,12 +53,12 @@ def test_the_table_fits_the_largest_sizes() -> None:
     for name in ("time per sample", "time / copying the pixels"):
         found.append(scaling.Record("scaling", "pixels", name, 1234.5, "1"))
     terminal = Console(width=80, record=True)
-    terminal.print(SUITES["scaling"].table(found))
+    terminal.print(load("scaling").table(found))
     assert "…" not in terminal.export_text()
 
 
 def test_every_second_photograph_keeps_its_light_and_pixels() -> None:
-    whole = scaling.photographs("oren-nayar", MATERIALS["oren-nayar"], images=4, side=16)
+    whole = scaling.spheres("oren-nayar", images=4, side=16)
     half = scaling.every(whole, 2)
     assert len(half) == 2
     assert half.photographs.stored[1] is whole.photographs.stored[2]

@@ -5,13 +5,13 @@ from __future__ import annotations
 import pytest
 from rich.console import Console
 
-from matest.benchmark import SUITES
+from matest.benchmark import Effort, load
 from matest.benchmark.suites import start
 
 
 def test_the_estimate_is_compared_with_torch_and_its_own_fit(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(start, "SIZE", 32)
-    found = list(SUITES["start"].run(True, lambda *_: None))
+    found = list(load("start").run(Effort(quick=True)))
     values = {record.metric: record.value for record in found}
     ratio = values["matest estimate"] / (values["import torch"] + values["fit"])
     assert values["estimate / (import torch + fit)"] == pytest.approx(ratio)
@@ -21,7 +21,7 @@ def test_the_estimate_is_compared_with_torch_and_its_own_fit(monkeypatch: pytest
         "estimate / (import torch + fit)": 1.5,
     }
     terminal = Console(width=80, record=True)
-    terminal.print(SUITES["start"].table(found))
+    terminal.print(load("start").table(found))
     assert "…" not in terminal.export_text()
 
 

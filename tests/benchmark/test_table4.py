@@ -7,15 +7,14 @@ import io
 import pytest
 from rich.console import Console
 
-from matest.benchmark import tables
-from matest.benchmark.instruments import table4
 from matest.benchmark.record import Record
+from matest.benchmark.suites import table4
 from matest.brdf import LiTorrance
 
 
 @pytest.fixture(scope="module")
 def records() -> list[Record]:
-    return list(table4.run(1_200, lambda *_: None))
+    return list(table4.measure(1_200, lambda *_: None))
 
 
 def test_every_model_is_timed_with_the_coefficients_of_every_sample(records: list[Record]) -> None:
@@ -52,15 +51,8 @@ def test_each_sample_has_the_components_that_its_table_lists() -> None:
 
 
 def test_the_table_shows_the_papers_figures_beside_those_measured(records: list[Record]) -> None:
-    cases: dict[str, dict[str, Record]] = {}
-    for record in records:
-        cases.setdefault(record.case, {})[record.metric] = record
     console = Console(width=80, record=True, file=io.StringIO())
-    published, dropped = (
-        {case: found for case, found in cases.items() if case.startswith(start)}
-        for start in (table4.CASE, table4.WITHOUT)
-    )
-    console.print(*tables.table4_tables(published, dropped), sep="\n")
+    console.print(*table4.tables(records), sep="\n")
     text = console.export_text()
     assert "53.6 - 110.8" in text
     assert all(component in text for component in table4.DROPPED)

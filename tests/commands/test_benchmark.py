@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 from matest import benchmark, cli
+from matest.benchmark import suites
 from matest.benchmark.instruments import passes
 from matest.benchmark.record import Progress, Record
-from matest.benchmark.suites import limits, models, stress
+from matest.benchmark.suites import frontier, limits, models, peers, stress
 
 # The suites of the estimator have tests of their own.
 OF_MODELS = ("models", "stress")
@@ -105,20 +107,53 @@ def test_record_knows_the_wrong_side_of_its_limit(value: float, better: str, lim
 
 
 def test_against_races_the_peers_that_are_named(run, monkeypatch: pytest.MonkeyPatch) -> None:
-    raced: dict[str, list[str]] = {}
+    raced: dict[str, tuple[str, ...]] = {}
 
-    def race(name: str) -> Callable[..., Iterator[Record]]:
-        def once(_quick: bool, _progress: Progress, against: Collection[str]) -> Iterator[Record]:
-            raced[name] = list(against)
+    def race(name: str) -> benchmark.Suite:
+        def measure(effort: benchmark.Effort, _progress: Progress) -> Iterator[Record]:
+            raced[name] = effort.against
             yield Record(name, "case", "metric", 1.0, "1")
 
-        return once
+        return benchmark.Suite(measure, str)
 
-    monkeypatch.setattr(benchmark, "RACES", {name: race(name) for name in benchmark.RACES})
+    for name, suite in (("peers", peers), ("frontier", frontier)):
+        monkeypatch.setattr(suite, "SUITE", race(name))
     for arguments in (("--against", "adam, l-bfgs"), ("--against", "mitsuba", "--suite", "frontier,stress")):
         code, _, err = run("--quick", "--json", *arguments)
         assert (code, err) == (0, "")
-    assert raced == {"peers": ["adam", "l-bfgs"], "frontier": ["mitsuba"]}
+    assert raced == {"peers": ("adam", "l-bfgs"), "frontier": ("mitsuba",)}
+
+
+DUMMY = """
+from rich.text import Text
+
+from matest.benchmark.record import Record
+from matest.benchmark.suite import Suite
+
+
+def measure(effort, progress):
+    progress("counting")
+    yield Record("dummy", "case", "quick", int(effort.quick), "1")
+
+
+SUITE = Suite(measure, lambda records: Text(f"{len(records)} of a dummy"), share=10)
+"""
+
+
+def test_a_new_suite_is_one_file_and_one_line(run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "dummy.py").write_text(DUMMY, "utf-8")
+    monkeypatch.setattr(suites, "__path__", [*suites.__path__, str(tmp_path)])
+    monkeypatch.setitem(benchmark.SUITES, "dummy", "nothing")
+    code, out, err = run("--quick", "--suite", "dummy", "--json")
+    assert (code, err) == (0, "")
+    assert [json.loads(line) for line in out.splitlines()][-1] == Record("dummy", "case", "quick", 1, "1").to_dict()
+    assert "1 of a dummy" in run("--suite", "dummy")[1]
+    assert benchmark.plan("")[0][-1] == "dummy"
+
+
+def test_every_file_of_the_suites_with_a_suite_is_in_the_catalogue() -> None:
+    files = {path.stem for path in Path(*suites.__path__).glob("*.py") if "SUITE = " in path.read_text("utf-8")}
+    assert files == {benchmark.FIRST, *benchmark.SUITES}
 
 
 @pytest.mark.parametrize(

@@ -179,8 +179,8 @@ def test_steps_that_are_not_looked_at_end_where_small_ones_do(
     expression: str, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Outliers and saturated pixels: many expansions, each far from the last.
-    drawn = draw(expression, seed)
-    samples = drawn.photograph(SPOILT).samples()
+    drawn = draw(expression, seed, SPOILT)
+    samples = drawn.photograph().samples()
     chosen = problem(expression, channels=samples.channels)
     batches = samples.pilot(24_000, seed=0)
     found = fit_batches(chosen, batches)

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from matest.benchmark.instruments.task import Trace, Values, distance
+from matest.benchmark.instruments.task import Trace, Values, arrival, distance
 from matest.brdf import CookTorrance
 
-# A curve is told by no more points than this.
+# A curve is drawn through no more points than this.
 POINTS = 40
 
 
@@ -45,8 +45,8 @@ class Curve:
 
     def arrival(self, what: str, limit: float) -> float | None:
         """Seconds after which `what`, "error" or "off", stays below the limit in some run; None if in none."""
-        found = [_arrival([(step.seconds, getattr(step, what)) for step in run], limit) for run in self.runs]
-        return min((seconds for seconds in found if seconds is not None), default=None)
+        arrivals = [arrival([(step.seconds, getattr(step, what)) for step in run], limit) for run in self.runs]
+        return min((seconds for seconds in arrivals if seconds is not None), default=None)
 
     def points(self) -> list[tuple[float, float]]:
         """Seconds and the smallest error of a run then, at most `POINTS` times, evenly spaced in their logarithm."""
@@ -61,17 +61,6 @@ class Curve:
     def end(self) -> float | None:
         """Smallest error of a run at its end."""
         return min((run[-1].error for run in self.runs if run), default=None)
-
-
-def _arrival(steps: Iterable[tuple[float, float]], limit: float) -> float | None:
-    arrived = None
-    for seconds, value in steps:
-        # Not "above": a NaN is nowhere.
-        if not value <= limit:
-            arrived = None
-        elif arrived is None:
-            arrived = seconds
-    return arrived
 
 
 def _at(run: Sequence[Step], at: float) -> float:

@@ -1,4 +1,4 @@
-"""Images of a glossy sphere straight from the equations, in numpy: by neither matest's shader nor a peer's."""
+"""Radiance of a glossy object straight from the equations, in numpy: by neither matest's shader nor a peer's."""
 
 from __future__ import annotations
 
@@ -26,30 +26,25 @@ class Glossy:
     slope: float
     f0: float
 
-    def photograph(self, size: int, radius: float, toward: np.ndarray, irradiance: float) -> np.ndarray:
-        """Radiance [size, size, C] of a sphere at the centre, seen from z = ∞ through the centre of every pixel.
+    def radiance(self, normals: np.ndarray, toward: np.ndarray, irradiance: float) -> np.ndarray:
+        """Radiance [N, C] seen from z = ∞.
 
         Args:
-            size: of the image in pixels.
-            radius: of the sphere in pixels.
-            toward: unit vector to the light, x right, y up, z toward the viewer.
+            normals: unit vectors [N, 3].
+            toward: unit vector to the light [3].
             irradiance: of a surface facing the light.
         """
-        row, column = np.mgrid[:size, :size] + 0.5
-        x, y = (column - size / 2) / radius, (size / 2 - row) / radius
-        z = np.sqrt(np.clip(1 - x * x - y * y, 0, None))
-        cos_i = x * toward[0] + y * toward[1] + z * toward[2]
-        lit = (z > 0) & (cos_i > 0)
+        cos_i = normals @ toward
+        lit = cos_i > 0
         half = toward + np.array([0.0, 0.0, 1.0])
         half /= np.linalg.norm(half)
-        cos_h = (x * half[0] + y * half[1] + z * half[2])[lit]
-        light, view = cos_i[lit], z[lit]
+        cos_h, light, view = (normals @ half)[lit], cos_i[lit], normals[lit, 2]
         lobe = self._fresnel(half[2]) * self._beckmann(cos_h) * self._smith(light) * self._smith(view)
         lobe /= 4 * light * view
         reflected = self.diffuse / math.pi + self.specular * lobe[:, None]
-        image = np.zeros((size, size, len(self.diffuse)))
-        image[lit] = reflected * (irradiance * light)[:, None]
-        return image
+        radiance = np.zeros((len(normals), len(self.diffuse)))
+        radiance[lit] = reflected * (irradiance * light)[:, None]
+        return radiance
 
     def _fresnel(self, cos: float) -> float:
         """By Snell's law and Fresnel's two amplitudes."""

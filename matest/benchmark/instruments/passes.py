@@ -5,17 +5,20 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 from torch import Tensor
 from torch.utils._python_dispatch import TorchDispatchMode
 
 Pass = Callable[[], Any]
+Result = TypeVar("Result")
 
-# The fastest of many: whatever else the machine does only adds time. Runs take turns, so that a slow spell of the
-# machine meets all of them, for so many rounds and seconds at least.
-ROUNDS, SPELL = 9, 0.1
+# The fastest of many counts: whatever else the machine does only adds time. Runs take turns, so that a slow spell of
+# the machine meets all of them, for at least so many rounds,
+ROUNDS = 9
+# and at least so many seconds.
+SPELL = 0.1
 # Results of fewer numbers are no pass.
 SHORT = 1000
 # Numbers written for each pair of directions beyond which a model is a sum over many facets.
@@ -24,7 +27,7 @@ HEAVY = 1000
 
 def seconds(*runs: Pass) -> list[float]:
     """The shortest time that each of `runs` takes, after one round that is not measured."""
-    return _fastest(lambda: [_timed(run)[1] for run in runs])
+    return _fastest(lambda: [timed(run)[1] for run in runs])
 
 
 def product(n: int, tile: int) -> Pass:
@@ -74,14 +77,15 @@ class _Stopwatch(TorchDispatchMode):
         self.times: list[float] = []
 
     def __torch_dispatch__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
-        result, elapsed = _timed(lambda: func(*args, **(kwargs or {})))
+        result, elapsed = timed(lambda: func(*args, **(kwargs or {})))
         if isinstance(result, Tensor) and result.numel() >= SHORT and not func.is_view:
             self.lengths.append(result.numel())
             self.times.append(elapsed)
         return result
 
 
-def _timed(run: Pass) -> tuple[Any, float]:
+def timed(run: Callable[[], Result]) -> tuple[Result, float]:
+    """What a computation gives, and the seconds it takes."""
     start = time.perf_counter()
     result = run()
     return result, time.perf_counter() - start

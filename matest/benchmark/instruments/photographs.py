@@ -1,49 +1,208 @@
-"""Photographs of a simulated sphere on disk, as large as a camera's."""
+"""Simulated photographs: in memory, as a camera would have stored them, and in files, as large as a camera's."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
+from typing import Any
+from zlib import crc32
 
 import numpy as np
 import tomli_w
+import torch
+import trimesh
 
-from matest.benchmark.instruments.simulated import SATURATION
-from matest.simulate import simulate
+from matest.brdf import Brdf, model
+from matest.capture import Capture
+from matest.photographs.noise import Noise
+from matest.photographs.photographs import Photographs
+from matest.photographs.photometry import Encoding
+from matest.scene import DirectionalLight, Scene, Surface
+from matest.scene.camera import Camera
+from matest.scene.mesh import Mesh
+from matest.scene.surface import from_mesh, from_sphere
+from matest.shading import render_image
+from matest.simulate import simulate, stored_pixels
 
-# The object's share of the image: 0.8 million pixels of 1024×1024.
-_RADIUS = math.sqrt(0.8e6 / 1024**2 / math.pi)
+# Of a surface facing a light.
+IRRADIANCE = 3.0
+# Fraction of full scale from which on a pixel counts as saturated.
+SATURATION = 0.98
+# Radius of the sphere as a share of the image.
+RADIUS = 0.46
+# The same of photographs in files: 0.8 million pixels of 1024×1024.
+_RADIUS_IN_FILES = math.sqrt(0.8e6 / 1024**2 / math.pi)
+# Radius of the vase at evenly spaced heights from foot to lip.
+_OUTLINE = (0.38, 0.46, 0.56, 0.62, 0.61, 0.52, 0.39, 0.31, 0.33, 0.42)
 
-MATERIALS = {
+_GLOSSY: dict[str, Any] = {"diffuse": [0.4, 0.2, 0.1], "specular": [0.8, 0.8, 0.8], "slope": 0.2, "f0": 0.04}
+MATERIALS: dict[str, dict[str, Any]] = {
     "oren-nayar": {"albedo": [0.7, 0.5, 0.3], "sigma": 0.6},
-    "cook-torrance": {"diffuse": [0.4, 0.2, 0.1], "specular": [0.8, 0.8, 0.8], "slope": 0.2, "f0": 0.04},
-    "cook-torrance(masking=smith)": {
-        "diffuse": [0.4, 0.2, 0.1],
-        "specular": [0.8, 0.8, 0.8],
-        "slope": 0.2,
-        "f0": 0.04,
-    },
+    "cook-torrance": _GLOSSY,
+    "cook-torrance(masking=smith)": _GLOSSY,
 }
+# Parameters that whoever estimates these materials fixes.
+FIX = {name: {"f0": material["f0"]} if "f0" in material else {} for name, material in MATERIALS.items()}
 
 
-def take(folder: Path, model: str, *, images: int, size: int) -> Path:
-    """Photograph a sphere of `MATERIALS[model]`: 16-bit RGB PNG, camera noise, one light an image.
+@dataclass(frozen=True)
+class Conditions:
+    """How a camera spoils what it photographs.
+
+    Attributes:
+        bits: of the images, 8 or 16, linear.
+        outliers: share of the pixels that hold a value drawn evenly from the range of the sensor.
+        saturated: share of the lit pixels that are brighter than the sensor can tell; 0 exposes for the brightest.
+    """
+
+    bits: int = 16
+    outliers: float = 0.0
+    saturated: float = 0.0
+
+
+CLEAN = Conditions()
+NOISE = Noise(read=0.002, gain=2e-4)
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """The part of a camera that stores light as numbers.
+
+    Attributes:
+        noise: before the pixels are rounded.
+        black: pedestal, fraction of full scale.
+        exposed: where the brightest pixel lies if none is to be saturated, fraction of full scale.
+        conditions: what else befalls the pixels.
+    """
+
+    noise: Noise = NOISE
+    black: float = 0.0
+    exposed: float = 0.9
+    conditions: Conditions = CLEAN
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """An object of one material under its lights, before a sensor.
+
+    Attributes:
+        scene: the object, and one light a photograph.
+        material: the truth.
+        sensor: that it is photographed with.
+        seed: of the noise.
+        radiance: noise-free, per image [N, C].
+    """
+
+    scene: Scene
+    material: Brdf
+    sensor: Sensor
+    seed: int
+    radiance: tuple[np.ndarray, ...]
+
+    @property
+    def scale(self) -> float:
+        """Radiance of full scale."""
+        sensor, share = self.sensor, self.sensor.conditions.saturated
+        if not share:
+            return max(float(image.max()) for image in self.radiance) / (sensor.exposed - sensor.black)
+        brightest = np.concatenate([image.max(axis=1) for image in self.radiance])
+        return float(np.quantile(brightest[brightest > 0], 1 - share)) / (SATURATION - sensor.black)
+
+    def ideal(self) -> Capture:
+        """Without noise, rounding, outliers and clipping; but pixels that would be saturated count as such."""
+        scale = self.scale
+        return self._capture([(image / scale + self.sensor.black).astype(np.float32) for image in self.radiance])
+
+    def photograph(self) -> Capture:
+        """As the sensor stores it. The same subject gives the same pixels every time."""
+        sensor, conditions = self.sensor, self.sensor.conditions
+        generator = np.random.default_rng([crc32(self.material.expression.encode()), self.seed, conditions.bits])
+        encoding, stored = self._encoding, []
+        for image in self.radiance:
+            signal = image / encoding.scale
+            spread = np.sqrt(sensor.noise.read**2 + sensor.noise.gain * signal)
+            pixels = signal + sensor.black + spread * generator.standard_normal(signal.shape)
+            stray = generator.random(len(pixels)) < conditions.outliers
+            pixels[stray] = generator.random((int(stray.sum()), pixels.shape[1]))
+            stored.append(stored_pixels(pixels, encoding, conditions.bits))
+        return self._capture(stored)
+
+    @property
+    def _encoding(self) -> Encoding:
+        return Encoding(scale=self.scale, black=self.sensor.black, saturation=SATURATION)
+
+    def _capture(self, stored: Sequence[np.ndarray]) -> Capture:
+        encoding = self._encoding
+        dtype = np.dtype(np.uint8 if self.sensor.conditions.bits == 8 else np.uint16)
+        photographs = Photographs(
+            scene=self.scene,
+            stored=tuple(stored),
+            encoding=encoding,
+            exposures=(1.0,) * len(stored),
+            noise=self.sensor.noise.with_rounding(encoding, dtype),
+            noise_stated=True,
+            relative=False,
+            names=tuple(f"{number:02d}.png" for number in range(len(stored))),
+        )
+        return Capture(f"{self.material.expression} {self.seed}", photographs)
+
+
+def subject(
+    surface: Surface,
+    lights: np.ndarray,
+    material: Brdf,
+    sensor: Sensor,
+    *,
+    channels: int = 3,
+    seed: int = 1,
+    radiance: Sequence[np.ndarray] | None = None,
+) -> Subject:
+    """Put an object before a sensor.
+
+    Args:
+        surface: the object.
+        lights: unit vectors to them [K, 3]; each lights a photograph.
+        material: the truth.
+        sensor: that photographs it.
+        channels: of the photographs.
+        seed: of the noise.
+        radiance: noise-free, per image [N, C]; None: rendered.
+    """
+    irradiance = torch.full((channels,), IRRADIANCE, dtype=torch.float64)
+    lamps = tuple((DirectionalLight(torch.from_numpy(toward), irradiance),) for toward in lights)
+    scene = Scene(surface, lamps, torch.zeros(len(lamps), channels, dtype=torch.float64)).with_shadows()
+    if radiance is None:
+        images = (render_image(scene, k, material, dtype=torch.float64).detach().numpy() for k in range(len(lamps)))
+        radiance = [image.reshape(-1, channels)[surface.pixels] for image in images]
+    return Subject(scene, material, sensor, seed, tuple(radiance))
+
+
+def material_of(expression: str) -> Brdf:
+    """The material of `MATERIALS[expression]`."""
+    values = MATERIALS[expression].items()
+    return model(expression)[0].replace({name: torch.tensor(value, dtype=torch.float64) for name, value in values})
+
+
+def take(folder: Path, expression: str, *, images: int, size: int) -> Path:
+    """Photograph a sphere of `MATERIALS[expression]` into files: 16-bit RGB PNG, camera noise, one light an image.
 
     Args:
         folder: where the capture goes.
-        model: its expression.
-        images: their number; lights stand 10° to 60° off the camera, all around it.
+        expression: of the model.
+        images: their number.
         size: of the square images in pixels.
     """
     scene = {
-        "material": {"model": model, **MATERIALS[model]},
-        "geometry": {"shape": "sphere", "centre": [size / 2, size / 2], "radius": _RADIUS * size},
+        "material": {"model": expression, **MATERIALS[expression]},
+        "geometry": {"shape": "sphere", "centre": [size / 2, size / 2], "radius": _RADIUS_IN_FILES * size},
         "camera": {"resolution": [size, size]},
         "encoding": {"transfer": "linear", "saturation": SATURATION},
-        "noise": {"read": 0.002, "gain": 0.0002, "bits": 16, "seed": 1},
+        "noise": {"read": NOISE.read, "gain": NOISE.gain, "bits": 16, "seed": 1},
         "image": [
-            {"lights": [{"direction": direction.tolist(), "irradiance": [3.0, 3.0, 3.0]}]}
-            for direction in lights(images)
+            {"lights": [{"direction": toward.tolist(), "irradiance": [IRRADIANCE] * 3}]} for toward in ring(images)
         ],
     }
     file = folder / "scene.toml"
@@ -51,10 +210,29 @@ def take(folder: Path, model: str, *, images: int, size: int) -> Path:
     return simulate(file)
 
 
-def lights(count: int) -> np.ndarray:
-    """Unit vectors [count, 3] to the lights."""
+def ring(count: int) -> np.ndarray:
+    """Unit vectors [count, 3] to lights that stand 10° to 60° off the camera, all around it."""
     number = np.arange(count)
     polar = np.deg2rad(10 + 50 * (number + 0.5) / count)
     # The golden angle: no two lights on one side.
     azimuth = number * math.pi * (3 - math.sqrt(5))
     return np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=1)
+
+
+@lru_cache(maxsize=1)
+def sphere(size: int) -> Surface:
+    """A sphere in the middle of square images of `size` pixels."""
+    return from_sphere((size, size), (size / 2, size / 2), RADIUS * size, None)
+
+
+@lru_cache(maxsize=1)
+def vase(size: int) -> Surface:
+    """A vase that casts shadows on itself, its axis upright, in square images of `size` pixels."""
+    heights = np.linspace(-1, 1, 40)
+    radii = np.interp(heights, np.linspace(-1, 1, len(_OUTLINE)), _OUTLINE)
+    outline = np.concatenate([[[0, -1]], np.stack([radii, heights], axis=1), [[0, 1]]])
+    solid = trimesh.creation.revolve(outline, sections=64)
+    # trimesh revolves about z; the camera's up is y.
+    solid.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0]))
+    mesh = Mesh(np.asarray(solid.vertices), np.asarray(solid.faces))
+    return from_mesh(mesh, Camera(position=(0.0, 0.0, 5.0), height=2.2), (size, size))

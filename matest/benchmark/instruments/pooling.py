@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -40,8 +40,8 @@ class Targets:
 def rms_error(trials: Sequence[Trial]) -> Interval:
     """Root mean square error in units of the bound over all figures that were given."""
     squares = [[f.error**2 for f in trial.figures if f.value is not None] for trial in trials]
-    found = _resampled(squares)
-    return Interval(math.sqrt(found.value), math.sqrt(found.low), math.sqrt(found.high))
+    mean = _resampled(squares)
+    return Interval(math.sqrt(mean.value), math.sqrt(mean.low), math.sqrt(mean.high))
 
 
 def coverage(trials: Sequence[Trial]) -> Interval:
@@ -74,47 +74,44 @@ def records(suite: str, case: str, trials: Sequence[Trial], targets: Targets) ->
     yield Record(suite, case, "parameters", len(figures), "1", "higher")
     lost = [trial for trial in trials if any(figure.value is None for figure in trial.figures)]
     share = len(given) / len(figures) if figures else None
-    yield Record(suite, case, "given", share, "1", "higher", note=_worst(suite, lost))
+    yield Record(suite, case, "given", share, "1", "higher", note=_example(suite, lost))
     if not given:
         return
-    error, held, judged = rms_error(trials), coverage(trials), len(trials) >= _ENOUGH
-    worst = sorted(trials, key=lambda trial: trial.worst, reverse=True)
-    limit = targets.error if judged else None
-    yield Record(suite, case, "rms error", error.value, "bound", limit=limit, note=_worst(suite, worst))
-    yield from _ends(suite, case, "rms error", "bound", error)
-    uncovered = sorted(trials, key=lambda trial: trial.uncovered, reverse=True)
-    limit = targets.lowest_coverage if judged else None
-    yield Record(suite, case, "coverage", held.value, "1", "higher", limit, note=_worst(suite, uncovered))
-    yield from _ends(suite, case, "coverage", "1", held)
-    if judged and targets.highest_coverage is not None:
-        note = f"95 % Monte-Carlo interval {held.low:.3g} to {held.high:.3g}"
-        yield Record(suite, case, "coverage, not above", held.value, "1", limit=targets.highest_coverage, note=note)
+    yield from _pooled(suite, case, trials, targets)
     checked = [trial for trial in trials if trial.excess is not None]
     if checked:
         missed = [trial for trial in checked if (trial.excess or 0.0) > MISSED]
-        yield Record(suite, case, "optimum missed", len(missed), "1", limit=0, note=_worst(suite, missed))
+        yield Record(suite, case, "optimum missed", len(missed), "1", limit=0, note=_example(suite, missed))
     unlike = [trial for trial in trials if trial.errors != "fisher"]
-    yield Record(suite, case, "held not to fit", len(unlike) / len(trials), "1", note=_worst(suite, unlike))
+    yield Record(suite, case, "held not to fit", len(unlike) / len(trials), "1", note=_example(suite, unlike))
     for name in dict.fromkeys(figure.label.partition("[")[0] for figure in given):
-        yield from _by_name(suite, case, name, trials)
+        single = [trial.only(name) for trial in trials]
+        yield from _with_ends(Record(suite, case, f"{name}: rms error", None, "bound"), rms_error(single))
+        yield from _with_ends(Record(suite, case, f"{name}: mean error", None, "bound"), mean_error(single))
 
 
-def _by_name(suite: str, case: str, name: str, trials: Sequence[Trial]) -> Iterator[Record]:
-    """Error and bias of one parameter, all its channels."""
-    own = [trial.only(name) for trial in trials]
-    error, bias = rms_error(own), mean_error(own)
-    yield Record(suite, case, f"{name}: rms error", error.value, "bound")
-    yield from _ends(suite, case, f"{name}: rms error", "bound", error)
-    yield Record(suite, case, f"{name}: mean error", bias.value, "bound")
-    yield from _ends(suite, case, f"{name}: mean error", "bound", bias)
+def _pooled(suite: str, case: str, trials: Sequence[Trial], targets: Targets) -> Iterator[Record]:
+    """Error and coverage over all parameters, with their limits where there are enough captures."""
+    covered, judged = coverage(trials), len(trials) >= _ENOUGH
+    worst = sorted(trials, key=lambda trial: trial.worst, reverse=True)
+    limit, note = targets.error if judged else None, _example(suite, worst)
+    yield from _with_ends(Record(suite, case, "rms error", None, "bound", limit=limit, note=note), rms_error(trials))
+    uncovered = sorted(trials, key=lambda trial: trial.uncovered, reverse=True)
+    limit, note = targets.lowest_coverage if judged else None, _example(suite, uncovered)
+    yield from _with_ends(Record(suite, case, "coverage", None, "1", "higher", limit, note), covered)
+    if judged and targets.highest_coverage is not None:
+        note = f"95 % Monte-Carlo interval {covered.low:.3g} to {covered.high:.3g}"
+        yield Record(suite, case, "coverage, not above", covered.value, "1", limit=targets.highest_coverage, note=note)
 
 
-def _ends(suite: str, case: str, metric: str, unit: str, interval: Interval) -> Iterator[Record]:
-    yield Record(suite, case, f"{metric}, from", interval.low, unit)
-    yield Record(suite, case, f"{metric}, to", interval.high, unit)
+def _with_ends(record: Record, interval: Interval) -> Iterator[Record]:
+    """A record with its value, and two with the ends of its interval."""
+    yield replace(record, value=interval.value)
+    for end, value in (("from", interval.low), ("to", interval.high)):
+        yield Record(record.suite, record.case, f"{record.metric}, {end}", value, record.unit)
 
 
-def _worst(suite: str, trials: Sequence[Trial], count: int = 3) -> str:
+def _example(suite: str, trials: Sequence[Trial], count: int = 3) -> str:
     """The first few captures, and how to see one of them again."""
     if not trials:
         return ""

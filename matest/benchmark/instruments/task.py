@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 
 import torch
 from torch import Tensor
@@ -13,7 +13,7 @@ from matest.brdf import Brdf
 from matest.scene import Points
 from matest.shading import shade
 
-# Every parameter this near to the optimum, relative.
+# A solver has arrived where every parameter is this near to the optimum, relative.
 CLOSE = 0.01
 
 Values = dict[str, Tensor]
@@ -39,20 +39,12 @@ class Task:
 
     def __getitem__(self, index: Tensor) -> Task:
         """Some of the samples."""
-        parts = (self.points.wi, self.points.wo, self.points.irradiance)
-        points = Points(*(part[index] for part in parts))
-        return Task(self.start, self.free, points, self.radiance[index], self.weight[index])
+        return replace(self, points=self.points[index], radiance=self.radiance[index], weight=self.weight[index])
 
     def double(self) -> Task:
         """The same in double precision."""
-        parts = (self.points.wi, self.points.wo, self.points.irradiance)
-        return Task(
-            self.start,
-            self.free,
-            Points(*(part.double() for part in parts)),
-            self.radiance.double(),
-            self.weight.double(),
-        )
+        points = Points(self.points.wi.double(), self.points.wo.double(), self.points.irradiance.double())
+        return replace(self, points=points, radiance=self.radiance.double(), weight=self.weight.double())
 
     def cost(self, brdf: Brdf) -> Tensor:
         """Mean weighted squared residual of the shaded model."""
@@ -77,14 +69,11 @@ class Trace:
 
     def arrival(self, optimum: Values) -> float | None:
         """Seconds after which every parameter stays within `CLOSE` of the optimum; None if it does not."""
-        arrived = None
-        for seconds, values in zip(self.seconds, self.values, strict=True):
-            # Not "further than": a NaN is nowhere.
-            if not distance(values, optimum) <= CLOSE:
-                arrived = None
-            elif arrived is None:
-                arrived = seconds
-        return arrived
+        return arrival(zip(self.seconds, (distance(values, optimum) for values in self.values), strict=True), CLOSE)
+
+    def shifted(self, seconds: float) -> Trace:
+        """The same, begun so much earlier."""
+        return replace(self, seconds=[at + seconds for at in self.seconds])
 
     def settled(self, optimum: Values, steps: int, close: float = CLOSE) -> bool:
         """Whether the last `steps` entries are all within `close` of the optimum."""
@@ -96,3 +85,20 @@ def distance(values: Mapping[str, Tensor], optimum: Values) -> float:
     """The largest relative distance of a parameter from the optimum."""
     apart = [(values[name].double() / best.double() - 1).abs().max() for name, best in optimum.items()]
     return float(torch.stack(apart).max())
+
+
+def arrival(steps: Iterable[tuple[float, float]], limit: float) -> float | None:
+    """The time after which a quantity stays within its limit; None if it does not.
+
+    Args:
+        steps: times and values of the quantity.
+        limit: the highest value that is within.
+    """
+    arrived = None
+    for seconds, value in steps:
+        # Not "above": a NaN is not within any limit.
+        if not value <= limit:
+            arrived = None
+        elif arrived is None:
+            arrived = seconds
+    return arrived

@@ -3,29 +3,32 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import torch
 from torch import Tensor
 
 import matest
+from matest.benchmark.instruments.bound import cramer_rao, problem_of
 from matest.benchmark.instruments.optimum import excess
-from matest.benchmark.instruments.simulated import CLEAN, Conditions, Draw, draw
-from matest.estimation.options import Options
+from matest.benchmark.instruments.photographs import CLEAN, Conditions, Subject
+from matest.benchmark.instruments.simulated import draw
 from matest.estimation.result import Estimate
-from matest.estimation.specification import specify
-from matest.estimators import Problem, accumulate
-from matest.estimators.covariance import fisher
+from matest.estimators import Problem
+from matest.estimators.covariance import Covariance
 from matest.identifiability.forecast import unknowns_at
 from matest.workers import single_threaded_torch
 
 # Parameters nearer than this many standard errors to an end of their domain do not count.
 _FROM_BOUND = 3.0
-# Nor do those that the samples tell less of than an even draw from the domain would (its std is width/√12), or, where
-# a parameter varies over decades, to no better than half its value.
-_KNOWS_NOTHING, _KNOWS_LITTLE = 1 / math.sqrt(12), 0.5
-# Parameters that are held at their true value.
-_HELD = ("f0",)
+# Nor do those whose standard error is above that of an even draw from the domain, relative to its width.
+_KNOWS_NOTHING = 1 / math.sqrt(12)
+# Nor those that vary over decades and whose standard error is above this share of their value.
+_KNOWS_LITTLE = 0.5
+# Parameters that are fixed at their true value.
+_FIXED = ("f0",)
 
 
 @dataclass(frozen=True)
@@ -89,7 +92,7 @@ class Trial:
 
     @property
     def summary(self) -> str:
-        """Estimate (truth), error in units of the bound, of every unknown."""
+        """Estimate (truth) and error in units of the bound, of every unknown."""
         parts = [
             f"{f.label} not given ({f.truth:.4g})"
             if f.value is None
@@ -107,9 +110,6 @@ class Trial:
 def trial(expression: str, seed: int, conditions: Conditions = CLEAN, grid: bool = True) -> Trial:
     """Draw, photograph, estimate and compare.
 
-    The bound is that of an observer who knows which pixels are outliers and which saturated, and who uses every other
-    lit pixel off the rim, weighed by the noise at its true radiance.
-
     Args:
         expression: of the model.
         seed: of the draw.
@@ -119,72 +119,59 @@ def trial(expression: str, seed: int, conditions: Conditions = CLEAN, grid: bool
     # Images are too small to be worth several threads.
     with single_threaded_torch():
         try:
-            return _trial(draw(expression, seed), conditions, grid)
+            return _trial(draw(expression, seed, conditions), grid)
         except Exception as error:
             error.add_note(f"in the capture of {expression} with seed {seed}, {conditions}")
             raise
 
 
-def described(found: Trial) -> str:
-    """A trial as a sentence."""
-    return f"{found.expression}, seed {found.seed} ({found.about}): {found.summary}"
+def again(expression: str, seed: int, conditions: Conditions = CLEAN, grid: bool = True) -> str:
+    """One capture once more, as a sentence: to look into a failure that a suite names by its seed."""
+    one = trial(expression, seed, conditions, grid)
+    return f"{expression}, seed {seed} ({one.about}): {one.summary}"
 
 
-def _trial(drawn: Draw, conditions: Conditions, grid: bool) -> Trial:
-    expression = drawn.material.expression
-    held = {name: drawn.material.parameters[name].tolist() for name in _HELD if name in drawn.material.declared}
-    capture = drawn.photograph(conditions)
-    problem = specify(
-        expression, Options(fix=held), channels=capture.channels, relative=False, scene=capture.scene
-    ).problem
-    truth = unknowns_at(problem, drawn.material.parameters)
-    samples = drawn.ideal(conditions).samples(dtype=torch.float64)
-    information = accumulate(problem, truth, samples.tiles(merge=False), truth).information * (1 - conditions.outliers)
-    found = matest.estimate(capture, expression, fix=held)
+def _trial(drawn: Subject, grid: bool) -> Trial:
+    expression, parameters = drawn.material.expression, drawn.material.parameters
+    fix = {name: parameters[name].tolist() for name in _FIXED if name in drawn.material.declared}
+    capture, problem = drawn.photograph(), problem_of(drawn, fix)
+    covariance = cramer_rao(problem, drawn)
+    estimate = matest.estimate(capture, expression, fix=fix)
     above = None
     if grid:
-        above = excess(problem, unknowns_at(problem, found.material.parameters), capture.samples(dtype=torch.float64))
-    figures = _figures(problem, truth, information, found)
-    return Trial(expression, drawn.seed, figures, above, found.fit.errors, _about(drawn))
+        unknowns = unknowns_at(problem, estimate.material.parameters)
+        above = excess(problem, unknowns, capture.samples(dtype=torch.float64))
+    figures = tuple(_figures(problem, unknowns_at(problem, parameters), covariance, estimate))
+    return Trial(expression, drawn.seed, figures, above, estimate.fit.errors, _about(drawn))
 
 
-def _figures(problem: Problem, truth: Tensor, information: Tensor, found: Estimate) -> tuple[Figure, ...]:
-    covariance = fisher(information, torch.ones(problem.size, dtype=torch.bool))
-    out = []
+def _figures(problem: Problem, truth: Tensor, bound: Covariance, estimate: Estimate) -> Iterator[Figure]:
+    """The unknowns that the samples determine and whose truth lies off the ends of its domain."""
     for name, place in problem.where.items():
         domain, declared = problem.domain(name), problem.declared(name)
         # Of some parameters a quantity derived from them and others is known, and reported.
         quantity = next((derived for derived in problem.brdf.derived.values() if derived.sets == name), None)
         label = name if quantity is None else quantity.name
-        reported = found.parameters[label]
-        single = place.stop - place.start == 1
-        values = [reported.value] if not isinstance(reported.value, list) else reported.value
-        ends = [reported.interval95] if not isinstance(reported.value, list) else reported.interval95
+        reported = estimate.parameters[label]
+        count = place.stop - place.start
+        pair: tuple[Any, Any] = (reported.value, reported.interval95)
+        values, ends = (one if isinstance(reported.value, list) else [one] * count for one in pair)
         for channel, position in enumerate(range(place.start, place.stop)):
-            true, std = float(truth[position]), float(covariance.std[position])
+            true, std = float(truth[position]), float(bound.std[position])
             little = min(_KNOWS_NOTHING * domain.width, _KNOWS_LITTLE * true if declared.log else math.inf)
             off = min(true - domain.lower, domain.upper - true)
-            if bool(covariance.undetermined[position]) or std > little or off < _FROM_BOUND * std:
+            if bool(bound.undetermined[position]) or std > little or off < _FROM_BOUND * std:
                 continue
             if quantity is not None:
                 at = {**problem.held, name: truth[position]}
                 true, std = float(quantity.value(at)), std * abs(quantity.slopes(at)[name])
-            # What is not determined is a single None.
-            value, interval = (None, None) if values == [None] else (values[channel], ends[channel])
-            out.append(
-                Figure(
-                    label=label if single else f"{label}[{channel}]",
-                    truth=true,
-                    bound=std,
-                    value=value,
-                    interval=None if interval is None else (interval[0], interval[1]),
-                )
-            )
-    return tuple(out)
+            index = "" if count == 1 else f"[{channel}]"
+            interval = None if ends[channel] is None else tuple(ends[channel])
+            yield Figure(f"{label}{index}", true, std, values[channel], interval)
 
 
-def _about(drawn: Draw) -> str:
-    scene, noise = drawn.scene, drawn.noise
+def _about(drawn: Subject) -> str:
+    scene, noise = drawn.scene, drawn.sensor.noise
     shape = "sphere" if scene.surface.mesh is None else "vase"
     lights = f"{len(scene)} light" + ("s" if len(scene) > 1 else "")
     return f"{shape}, {lights}, {scene.channels} channels, read {noise.read:.2g}, gain {noise.gain:.2g}"

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import torch
 from torch import Tensor
 
 from matest.benchmark.instruments.task import Task, Trace
-from matest.benchmark.rivals.hand_written import GLOSSY, Normal, assembled, cotangent, descend, facets
+from matest.benchmark.rivals.hand_written import DIELECTRIC, Facets, Normal, assembled, descend, facets
 
 # Entries of the symmetric 3×3 normal matrix of a channel that are summed: body² does not depend on the slope.
 _PAIRS = ((0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
@@ -31,30 +30,29 @@ def levenberg_marquardt(task: Task, f0: float = 0.04) -> tuple[Trace, float]:
     from drjit.llvm import Float
 
     trace = Trace()
-    cos_i, cos_o, _, _, body, carried, tan2 = facets(task.points, f0)
-    light = body * math.pi / cos_i
+    geometry = facets(task.points, f0, smith=True)
+    light = task.points.irradiance[:, 0]
 
     def handed(column: Tensor) -> Any:
         return Float(column.float().contiguous().numpy())
 
     # Divided by the light of its channel, body and lobe are the same in every channel.
-    white = body[:, 0] / light[:, 0]
-    fixed = [handed(part) for part in (cotangent(cos_i)[:, 0], cotangent(cos_o)[:, 0], tan2[:, 0], white)]
-    bare = handed(carried[:, 0] / light[:, 0])
+    white, bare = (handed((part / light)[:, 0]) for part in (geometry.body, geometry.carried))
+    there = Facets(white, bare, handed(geometry.tan2[:, 0]), [handed(cot[:, 0]) for cot in geometry.cots])
     measured = [handed(column) for column in (task.radiance / light).unbind(1)]
     weights = [handed(column) for column in (task.weight * light.square()).unbind(1)]
-    constant = (task.weight * body.square()).sum(0, dtype=torch.float64)
-    dr.eval(fixed, bare, measured, weights)
+    constant = (task.weight * geometry.body.square()).sum(0, dtype=torch.float64)
+    dr.eval(*there, measured, weights)
     prepared = trace.elapsed
     channels = len(measured)
 
     def kernel(amplitudes: list[list[Any]], slope: Any) -> Any:
-        lobe, bend = _lobe(fixed, bare, slope)
+        lobe, bend = there.lobe(slope, dr.exp, dr.erf)
         sums = dr.zeros(Float, 9 * channels)
         for channel in range(channels):
             diffuse, specular = amplitudes[0][channel], amplitudes[1][channel]
-            columns = (fixed[3], lobe, specular * lobe * bend)
-            residual = measured[channel] - diffuse * fixed[3] - specular * lobe
+            columns = (white, lobe, specular * lobe * bend)
+            residual = measured[channel] - diffuse * white - specular * lobe
             weighted = [weights[channel] * column for column in columns]
             terms = [weighted[i] * columns[j] for i, j in _PAIRS] + [part * residual for part in weighted]
             terms.append(weights[channel] * residual * residual)
@@ -74,21 +72,5 @@ def levenberg_marquardt(task: Task, f0: float = 0.04) -> tuple[Trace, float]:
             normal[:, i, j] = normal[:, j, i] = sums[:, number]
         return assembled(sums[:, 8].sum(), normal, sums[:, 5:8])
 
-    descend(GLOSSY, evaluate, task, trace)
+    descend(DIELECTRIC, evaluate, task, trace)
     return trace, prepared
-
-
-def _lobe(fixed: list[Any], bare: Any, slope: Any) -> tuple[Any, Any]:
-    """The lobe, and the derivative of its logarithm by the slope."""
-    import drjit as dr
-
-    cot_i, cot_o, tan2, _ = fixed
-    lobe = bare * dr.exp(-tan2 / (slope * slope)) / (slope * slope)
-    bend = 2 * tan2 / (slope * slope * slope) - 2 / slope
-    for cot in (cot_i, cot_o):
-        a = cot / slope
-        tail = dr.exp(-a * a) / (a * math.sqrt(math.pi))
-        masking = 2 / (1 + dr.erf(a) + tail)
-        lobe = lobe * masking
-        bend = bend - masking * tail / (2 * slope)
-    return lobe, bend

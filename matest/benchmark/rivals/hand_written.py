@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
 
-from matest.benchmark.instruments.task import Task, Trace
+from matest.benchmark.instruments.task import Task, Trace, Values
 from matest.scene import Points
 
 _ITERATIONS = 60
@@ -45,7 +46,10 @@ class Model(NamedTuple):
     evaluate: Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]
 
 
-GLOSSY = Unknowns(("diffuse", "specular"), "slope", 1e-3, 1.0)
+DIELECTRIC = Unknowns(("diffuse", "specular"), "slope", 1e-3, 1.0)
+
+
+Prepare = Callable[[Points], Model]
 
 
 class Normal(NamedTuple):
@@ -56,7 +60,7 @@ class Normal(NamedTuple):
     gradient: Tensor
 
 
-def levenberg_marquardt(task: Task, prepare: Callable[[Points], Model]) -> Trace:
+def levenberg_marquardt(task: Task, prepare: Prepare) -> Trace:
     """Fit from the task's start; what depends on the geometry alone is computed once, and counts as time."""
     trace = Trace()
     model = prepare(task.points)
@@ -73,6 +77,12 @@ def levenberg_marquardt(task: Task, prepare: Callable[[Points], Model]) -> Trace
 
     descend(model.unknowns, evaluate, task, trace)
     return trace
+
+
+def optimum(task: Task, truth: Values, prepare: Prepare) -> Values:
+    """The optimum of the likelihood, in double precision from the truth."""
+    exact = replace(task.double(), start=task.start.replace(truth))
+    return levenberg_marquardt(exact, prepare).values[-1]
 
 
 def assembled(cost: Tensor, normal: Tensor, slope: Tensor) -> Normal:
@@ -108,10 +118,10 @@ def descend(named: Unknowns, evaluate: Callable[[Tensor], Normal], task: Task, t
         tried = torch.minimum(torch.maximum(unknowns + step, lower), upper)
         # A lobe that a long step makes too narrow is gone, and nothing brings it back.
         tried[-1] = tried[-1].clamp(unknowns[-1] / _FACTOR, unknowns[-1] * _FACTOR)
-        found = evaluate(tried)
-        if found.cost < cost:
-            finished = float(cost - found.cost) < 1e-7 * float(cost)
-            unknowns, (cost, information, gradient) = tried, found
+        there = evaluate(tried)
+        if there.cost < cost:
+            finished = float(cost - there.cost) < 1e-7 * float(cost)
+            unknowns, (cost, information, gradient) = tried, there
             amplitudes = unknowns[:-1].reshape(count, channels)
             trace.add({**dict(zip(named.amplitudes, amplitudes, strict=True)), named.shape: unknowns[-1]})
             damping /= 10
@@ -124,26 +134,48 @@ def descend(named: Unknowns, evaluate: Callable[[Tensor], Normal], task: Task, t
 
 
 class Facets(NamedTuple):
-    """What a dielectric lobe of Beckmann's facets takes from the geometry alone, all [n, 1] or [n, C].
+    """A body and a lobe of Beckmann's facets under one light, all but the slope; in columns of torch or of Dr.Jit.
 
     Attributes:
-        cos_i, cos_o, cos_h, cos_d: of light, viewer and half vector to the normal, of the light to the half vector.
         body: radiance of a white Lambertian body.
-        carried: radiance of the lobe but for G, exp(-tan²α/m²) and m⁻².
+        carried: radiance of the lobe but for exp(-tan²α/m²), m⁻² and Smith's masking.
         tan2: tan²α of the half vector.
+        cots: cot θ of the directions that Smith's masking depends on.
     """
 
-    cos_i: Tensor
-    cos_o: Tensor
-    cos_h: Tensor
-    cos_d: Tensor
-    body: Tensor
-    carried: Tensor
-    tan2: Tensor
+    body: Any
+    carried: Any
+    tan2: Any
+    cots: Sequence[Any]
+
+    def lobe(self, slope: Any, exp: Callable, erf: Callable) -> tuple[Any, Any]:
+        """The lobe, and the derivative of its logarithm by the slope.
+
+        Smith's G1 = 2/(1 + erf a + exp(-a²)/(a √π)) at a = cot θ / m.
+        """
+        square = slope * slope
+        lobe, bend = self.carried * (exp(-self.tan2 / square) / square), 2 * self.tan2 / (square * slope) - 2 / slope
+        for cot in self.cots:
+            a = cot / slope
+            tail = exp(-a * a) / (a * math.sqrt(math.pi))
+            masking = 2 / (1 + erf(a) + tail)
+            lobe = lobe * masking
+            bend = bend - masking * tail / (2 * slope)
+        return lobe, bend
+
+    def model(self) -> Model:
+        """In torch."""
+
+        def evaluate(amplitudes: Tensor, slope: Tensor) -> tuple[Tensor, Tensor]:
+            lobe, bend = self.lobe(slope, torch.exp, torch.erf)
+            radiance = amplitudes[0] * self.body + amplitudes[1] * lobe
+            return radiance, torch.stack([self.body, lobe, lobe * amplitudes[1] * bend])
+
+        return Model(DIELECTRIC, evaluate)
 
 
-def facets(points: Points, f0: float) -> Facets:
-    """The geometry of points under one light."""
+def facets(points: Points, f0: float, *, smith: bool) -> Facets:
+    """The geometry of a dielectric of fixed f0, with Smith's masking or V-cavities, which depend on it alone."""
     wi, wo = points.wi[:, 0], points.wo
     half = torch.nn.functional.normalize(wi + wo, dim=-1)
     cos_i, cos_o, cos_h = wi[:, 2:].clamp(min=1e-6), wo[:, 2:].clamp(min=1e-6), half[:, 2:]
@@ -155,44 +187,21 @@ def facets(points: Points, f0: float) -> Facets:
     other = (cos_d * (g + cos_d) - 1) / (cos_d * (g - cos_d) + 1)
     fresnel = 0.5 * ratio.square() * (1 + other.square())
     carried = light * fresnel / (4 * math.pi * cos_i * cos_o * cos_h**4)
+    if not smith:
+        carried = carried * (2 * cos_h * torch.minimum(cos_i, cos_o) / cos_d).clamp(max=1)
     tan2 = (1 - cos_h.square()).clamp(min=0) / cos_h.square()
-    return Facets(cos_i, cos_o, cos_h, cos_d, light / math.pi, carried, tan2)
+    cots = [cos / (1 - cos.square()).clamp(min=1e-12).sqrt() for cos in (cos_i, cos_o)] if smith else []
+    return Facets(light / math.pi, carried, tan2, cots)
 
 
 def cook_torrance(points: Points, f0: float = 0.04) -> Model:
-    """Beckmann's distribution, V-cavities, a dielectric of known f0: all but D(m) depends on geometry alone."""
-    cos_i, cos_o, cos_h, cos_d, body, carried, tan2 = facets(points, f0)
-    carried = carried * (2 * cos_h * torch.minimum(cos_i, cos_o) / cos_d).clamp(max=1)
-
-    def evaluate(amplitudes: Tensor, slope: Tensor) -> tuple[Tensor, Tensor]:
-        lobe = carried * ((-tan2 / slope.square()).exp() / slope.square())
-        by_slope = lobe * amplitudes[1] * (2 * tan2 / slope**3 - 2 / slope)
-        return amplitudes[0] * body + amplitudes[1] * lobe, torch.stack([body, lobe, by_slope])
-
-    return Model(GLOSSY, evaluate)
+    """Beckmann's distribution and V-cavities."""
+    return facets(points, f0, smith=False).model()
 
 
 def cook_torrance_smith(points: Points, f0: float = 0.04) -> Model:
-    """The same with Smith's masking, G1 = 2/(1 + erf a + exp(-a²)/(a √π)) at a = cot θ / m, of light and viewer."""
-    cos_i, cos_o, _, _, body, carried, tan2 = facets(points, f0)
-    cot_i, cot_o = cotangent(cos_i), cotangent(cos_o)
-
-    def evaluate(amplitudes: Tensor, slope: Tensor) -> tuple[Tensor, Tensor]:
-        lobe = carried * ((-tan2 / slope.square()).exp() / slope.square())
-        bend = 2 * tan2 / slope**3 - 2 / slope
-        for cot in (cot_i, cot_o):
-            a = cot / slope
-            tail = (-a * a).exp() / (a * math.sqrt(math.pi))
-            masking = 2 / (1 + torch.erf(a) + tail)
-            lobe = lobe * masking
-            bend = bend - masking * tail / (2 * slope)
-        return amplitudes[0] * body + amplitudes[1] * lobe, torch.stack([body, lobe, lobe * amplitudes[1] * bend])
-
-    return Model(GLOSSY, evaluate)
-
-
-def cotangent(cos: Tensor) -> Tensor:
-    return cos / (1 - cos.square()).clamp(min=1e-12).sqrt()
+    """The same with Smith's masking."""
+    return facets(points, f0, smith=True).model()
 
 
 def oren_nayar(points: Points) -> Model:

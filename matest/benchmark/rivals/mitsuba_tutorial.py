@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import torch
 
+from matest.benchmark.instruments.contest import SphereImages
 from matest.benchmark.instruments.task import Trace, Values
 
 VARIANT = "llvm_ad_rgb"
@@ -20,24 +21,6 @@ _KEYS = {
 }
 
 
-class Photographs(NamedTuple):
-    """A sphere in the middle of square images, one distant light each, seen by an orthographic camera.
-
-    Attributes:
-        radiance: [K, S, S, 3].
-        toward: unit vectors to the lights [K, 3].
-        irradiance: of a surface facing the light.
-        radius: of the sphere in pixels.
-        f0: reflectance at normal incidence, known.
-    """
-
-    radiance: np.ndarray
-    toward: np.ndarray
-    irradiance: float
-    radius: float
-    f0: float
-
-
 class Scenes:
     """One Mitsuba scene a light, all with the same material: `diffuse` beside a dielectric `roughconductor`.
 
@@ -48,12 +31,12 @@ class Scenes:
         ImportError: Mitsuba or LLVM is missing.
     """
 
-    def __init__(self, photographs: Photographs, start: Values) -> None:
+    def __init__(self, images: SphereImages, start: Values) -> None:
         import mitsuba as mi
 
         mi.set_variant(VARIANT)
-        size = photographs.radiance.shape[1]
-        root = float(np.sqrt(photographs.f0))
+        size = images.radiance.shape[1]
+        root = float(np.sqrt(images.f0))
         material = mi.load_dict(
             {
                 "type": "blendbsdf",
@@ -69,7 +52,7 @@ class Scenes:
                 },
             }
         )
-        half = size / (2 * photographs.radius)
+        half = size / (2 * images.radius)
         place = mi.ScalarTransform4f()
         view = place.look_at(origin=[0, 0, 5], target=[0, 0, 0], up=[0, 1, 0]) @ place.scale([half, half, 1])
         film = {"type": "hdrfilm", "width": size, "height": size, "rfilter": {"type": "box"}, "pixel_format": "rgb"}
@@ -89,11 +72,11 @@ class Scenes:
                     "light": {
                         "type": "directional",
                         "direction": (-toward).tolist(),
-                        "irradiance": _rgb([_BLEND * photographs.irradiance] * 3),
+                        "irradiance": _rgb([_BLEND * images.irradiance] * 3),
                     },
                 }
             )
-            for toward in photographs.toward
+            for toward in images.toward
         ]
         self.parameters = mi.traverse(self.scenes[0])
 
@@ -104,11 +87,11 @@ class Scenes:
         return mi.render(self.scenes[number], self.parameters, spp=1)
 
 
-def tutorial(photographs: Photographs, start: Values, rate: float, done: Callable[[Trace], bool]) -> Trace:
+def tutorial(images: SphereImages, start: Values, rate: float, done: Callable[[Trace], bool]) -> Trace:
     """Adam on the mean squared difference of the images, one backward pass an image, from scenes not yet loaded.
 
     Args:
-        photographs: to be matched.
+        images: to be matched.
         start: `diffuse` [3], `specular` [3], `slope`.
         rate: learning rate.
         done: whether to stop, asked after every step.
@@ -117,8 +100,8 @@ def tutorial(photographs: Photographs, start: Values, rate: float, done: Callabl
     import mitsuba as mi
 
     trace = Trace()
-    scenes = Scenes(photographs, start)
-    targets = [mi.TensorXf(image.astype(np.float32)) for image in photographs.radiance]
+    scenes = Scenes(images, start)
+    targets = [mi.TensorXf(image.astype(np.float32)) for image in images.radiance]
     optimiser = mi.ad.Adam(lr=rate)
     for key in _KEYS.values():
         optimiser[key] = scenes.parameters[key]
@@ -139,5 +122,5 @@ def _rgb(values: list[float]) -> dict[str, Any]:
 
 
 def _tensor(value: Any) -> torch.Tensor:
-    found = torch.from_numpy(np.array(value)).flatten()
-    return found if len(found) > 1 else found[0]
+    flat = torch.from_numpy(np.array(value)).flatten()
+    return flat if len(flat) > 1 else flat[0]

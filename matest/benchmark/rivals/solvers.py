@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from contextlib import suppress
 
 import torch
@@ -15,12 +15,6 @@ from matest.parameters import Role
 from matest.shading import shade
 from matest.training.trainable import Trainable
 
-# Who can be raced, by the names that `--against` takes.
-PEERS = ("adam", "l-bfgs", "least_squares", "levenberg-marquardt", "mitsuba", "dr.jit")
-# Adam: this many steps within reach of the optimum end a run.
-SETTLED = 30
-# Or where it moves by less than this share of its parameters, for who wants to know its error at the end.
-STILL = 1e-3
 _LBFGS_ITERATIONS = 200
 
 
@@ -71,7 +65,7 @@ def lbfgs(task: Task, *, compiled: bool = False, patience: float = math.inf) -> 
 
     def closure() -> Tensor:
         nonlocal lowest
-        _go_on(trace, patience)
+        _check_time(trace, patience)
         optimiser.zero_grad()
         loss = cost()
         loss.backward()
@@ -113,7 +107,7 @@ def least_squares(task: Task, *, patience: float = math.inf) -> Trace:
     def jacobian(x: object) -> object:
         # It is asked for where a step has been taken.
         trace.add(unpack(cast(x)))
-        _go_on(trace, patience)
+        _check_time(trace, patience)
         return torch.func.jacfwd(residual)(cast(x)).double().numpy()
 
     def function(x: object) -> object:
@@ -126,16 +120,16 @@ def least_squares(task: Task, *, patience: float = math.inf) -> Trace:
         for end in ("lower", "upper")
     ]
     with suppress(_OutOfTime):
-        found = solve(function, start.double().numpy(), jac=jacobian, bounds=ends, method="trf", x_scale="jac")
-        trace.add(unpack(cast(found.x)))
+        solution = solve(function, start.double().numpy(), jac=jacobian, bounds=ends, method="trf", x_scale="jac")
+        trace.add(unpack(cast(solution.x)))
     return trace
 
 
-def _go_on(trace: Trace, patience: float) -> None:
-    """Nothing while there is time; else what there is is what would be handed over.
+def _check_time(trace: Trace, patience: float) -> None:
+    """Hand over the last result once more when the time is up.
 
     Raises:
-        _OutOfTime: always then.
+        _OutOfTime: then.
     """
     if trace.elapsed > patience and trace.values:
         trace.add(trace.values[-1])
@@ -173,10 +167,5 @@ def _module(task: Task) -> Trainable:
 
 def _values(module: Trainable, task: Task) -> Values:
     with torch.no_grad():
-        found = module().parameters
-    return {name: found[name] for name in task.free}
-
-
-def raced(name: str, against: Collection[str]) -> bool:
-    """Whether one of the peers that a run is named after ("adam, mini-batches") is wanted."""
-    return any(part.strip() in against for part in name.split(","))
+        parameters = module().parameters
+    return {name: parameters[name] for name in task.free}

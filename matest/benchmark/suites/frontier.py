@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -13,17 +12,18 @@ from rich.console import Group
 from rich.text import Text
 
 import matest
+from matest.benchmark.instruments.contest import GLOSSY, IMAGES, Contest, contest_of, sphere_of
 from matest.benchmark.instruments.curves import Curve, Yardstick
-from matest.benchmark.instruments.simulated import sphere, vase
-from matest.benchmark.instruments.subjects import GLOSSY, IMAGES, Subject, sphere_of, subject
-from matest.benchmark.instruments.task import CLOSE, Task, Trace, Values
+from matest.benchmark.instruments.passes import timed
+from matest.benchmark.instruments.photographs import sphere, vase
+from matest.benchmark.instruments.task import CLOSE, Values
 from matest.benchmark.record import Progress, Record
-from matest.benchmark.rivals import hand_written, renderers, solvers
-from matest.benchmark.rivals.renderers import Race
-from matest.benchmark.rivals.solvers import PEERS, raced
+from matest.benchmark.rivals import hand_written, renderers
+from matest.benchmark.rivals.hand_written import Prepare
+from matest.benchmark.rivals.race import STILL, Rules, Run, rivals
+from matest.benchmark.suite import Effort, Suite
 from matest.benchmark.tables import by_case, case_name, figure, ruled
 from matest.brdf import CookTorrance, OrenNayar, preset
-from matest.scene import Points
 
 SIZE, SIZE_QUICK = 256, 48
 # `precision` of the estimates that make matest's curve; None reads every pixel.
@@ -31,15 +31,19 @@ PRECISIONS = (0.1, 0.03, 0.01, 0.003, 0.001, None)
 PRECISIONS_QUICK = (0.01, None)
 # Seeds of matest's subsamples, whose errors are pooled.
 SEEDS, SEEDS_QUICK = 3, 1
+# Adam's learning rates.
 RATES, RATES_QUICK = (0.1, 0.03, 0.3), (0.1,)
-BATCH = 16_384
+# Runs of solvers that have none.
+ROUNDS = 2
+# A run of Adam ends after so many seconds.
 PATIENCE, PATIENCE_QUICK = 20.0, 0.5
 # Where times are compared: when a quantity of `Step` comes to stay below a limit.
 BOUNDS = "to 2 bounds"
 EQUAL = {BOUNDS: ("error", 2.0), "to 1 %": ("off", CLOSE)}
 # Peers that take less than this share of matest's time beat it.
 SLOWER = 1.0
-Prepare = Callable[[Points], hand_written.Model]
+# What follows a solver's name in the metric of its last error.
+_END = ": error at the end"
 
 
 @dataclass(frozen=True)
@@ -47,20 +51,20 @@ class Case:
     """A scene, as large as asked for.
 
     Attributes:
-        make: the subject, from the size of its images.
+        make: the contest, from the size of its images.
         prepare: the model for the Levenberg-Marquardt solver written by hand, if there is one.
     """
 
-    make: Callable[[int], Subject]
+    make: Callable[[int], Contest]
     prepare: Prepare | None = None
 
 
-def _rough_vase(size: int) -> Subject:
+def _rough_vase(size: int) -> Contest:
     material = OrenNayar(albedo=torch.tensor([0.7, 0.5, 0.3]), sigma=torch.tensor(0.6))
-    return subject(material, vase(size), [], {"albedo": 0.5, "sigma": math.pi / 4})
+    return contest_of(material, vase(size), [], {"albedo": 0.5, "sigma": math.pi / 4})
 
 
-def _copper_vase(size: int) -> Subject:
+def _copper_vase(size: int) -> Contest:
     """The vase of Cook & Torrance, fig. 6b; its colours in numbers, as their source is an optional package."""
     material = CookTorrance(
         diffuse=torch.tensor(0.0), specular=torch.tensor(1.0), slope=torch.tensor(0.2), slope_2=torch.tensor(0.4),
@@ -68,13 +72,13 @@ def _copper_vase(size: int) -> Subject:
         fresnel="colour-shift",
     )  # fmt: skip
     start = {"f0": 0.5, "slope": 0.1, "slope_2": 0.5, "weight_2": 0.5}
-    return subject(material, vase(size), ["diffuse", "specular", "f0_mean"], start)
+    return contest_of(material, vase(size), ["diffuse", "specular", "f0_mean"], start)
 
 
-def _paper_sphere(size: int) -> Subject:
+def _paper_sphere(size: int) -> Contest:
     """Sample #73 of Li & Torrance; of forward scattering light from the viewer's side shows nothing."""
     start = {"k_uds": 0.5, "k_dd": 0.5, "correlation_length": 10.0}
-    return subject(preset("laser-paper"), sphere(size), ["f0", "height_rms", "k_fs"], start)
+    return contest_of(preset("laser-paper"), sphere(size), ["f0", "height_rms", "k_fs"], start)
 
 
 CASES = {
@@ -85,89 +89,65 @@ CASES = {
 }
 
 
-def run(quick: bool, progress: Progress, against: Collection[str] = PEERS) -> Iterator[Record]:
+def measure(effort: Effort, progress: Progress) -> Iterator[Record]:
     """Records of every scene; of the first alone in a quick run."""
-    for name, case in list(CASES.items())[: 1 if quick else None]:
-        found = case.make(SIZE_QUICK if quick else SIZE)
-        yield Record("frontier", name, "samples", len(found.task.radiance), "1", "higher")
+    for name, case in list(CASES.items())[: 1 if effort.quick else None]:
+        contest = case.make(SIZE_QUICK if effort.quick else SIZE)
+        yield Record("frontier", name, "samples", len(contest.task.radiance), "1", "higher")
         progress(f"{name}: matest")
-        own, yardstick = _matest(found, quick)
+        own, yardstick = _matest(contest, effort.quick)
         yield from figures(name, "matest", own, own)
-        for estimator, once in _estimators(found, case.prepare, yardstick, quick).items():
-            if raced(estimator, against):
-                progress(f"{name}: {estimator}")
-                for peer, curve in once().items():
-                    yield from figures(name, peer, curve, own)
+        rules = Rules(RATES_QUICK if effort.quick else RATES, ROUNDS, STILL, hurry=False)
+        for solver, once in rivals(contest.task, yardstick.optimum, case.prepare, rules).items():
+            if effort.races(solver):
+                progress(f"{name}: {solver}")
+                patience = PATIENCE_QUICK if effort.quick else PATIENCE
+                runs = once(patience if solver.startswith("adam") else math.inf)
+                yield from figures(name, solver, curve_of(runs, yardstick), own)
+        if contest.expression == GLOSSY and effort.races("mitsuba, dr.jit"):
+            progress(f"{name}: mitsuba, dr.jit")
+            patience = renderers.PATIENCE_QUICK if effort.quick else renderers.PATIENCE
+            race = renderers.race_of_sphere(contest.subject.scene.surface.shape[0], patience)
+            for solver, curve in of_renderers(race, yardstick).items():
+                yield from figures(name, solver, curve, own)
 
 
-def _estimators(
-    found: Subject, prepare: Prepare | None, yardstick: Yardstick, quick: bool
-) -> dict[str, Callable[[], dict[str, Curve]]]:
-    """All but matest: each gives its curve, or several."""
-    task, patience = found.task, PATIENCE_QUICK if quick else PATIENCE
-    rates = RATES_QUICK if quick else RATES
-
-    def second(once: Callable[[], Trace]) -> Curve:
-        """The quicker of two runs after one that is not counted."""
-        once()
-        return Curve([yardstick.run(min((once(), once()), key=lambda trace: trace.seconds[-1]))])
-
-    every: dict[str, Callable[[], dict[str, Curve]]] = {
-        "adam": lambda: {"adam": _adam(task, None, rates, yardstick, patience)},
-        "adam, mini-batches": lambda: {"adam, mini-batches": _adam(task, BATCH, rates, yardstick, patience)},
-        "l-bfgs": lambda: {"l-bfgs": second(lambda: solvers.lbfgs(task))},
-        "least_squares": lambda: {"least_squares": second(lambda: solvers.least_squares(task))},
-    }
-    if prepare is not None:
-        solve = partial(hand_written.levenberg_marquardt, task, prepare)
-        every["levenberg-marquardt"] = lambda: {"levenberg-marquardt": second(solve)}
-    if found.expression == GLOSSY:
-        limit = renderers.PATIENCE_QUICK if quick else renderers.PATIENCE
-        size = found.capture.scene.surface.shape[0]
-        every["mitsuba, dr.jit"] = lambda: of_renderers(renderers.race_of_sphere(size, limit), yardstick)
-    return every
-
-
-def _matest(found: Subject, quick: bool) -> tuple[Curve, Yardstick]:
+def _matest(contest: Contest, quick: bool) -> tuple[Curve, Yardstick]:
     """One result a precision, pooled over the seeds, in the shortest time of one; and what to measure all with."""
     precisions, seeds = (PRECISIONS_QUICK, SEEDS_QUICK) if quick else (PRECISIONS, SEEDS)
-    results: list[list[Values]] = []
-    times: list[float] = []
+
+    def once(precision: float | None, seed: int) -> Values:
+        estimate = matest.estimate(
+            contest.capture, contest.expression, fix=contest.fixed, precision=precision, seed=seed
+        )
+        return {name: estimate.material.parameters[name].detach() for name in contest.task.free}
+
     # What a process loads and prepares once is not counted, for anyone.
-    matest.estimate(found.capture, found.expression, fix=found.fixed)
-    for precision in precisions:
-        results.append([])
-        times.append(math.inf)
-        for seed in range(seeds):
-            start = time.perf_counter()
-            estimate = matest.estimate(found.capture, found.expression, fix=found.fixed, precision=precision, seed=seed)
-            times[-1] = min(times[-1], time.perf_counter() - start)
-            known = estimate.material.parameters
-            results[-1].append({name: known[name].detach() for name in found.task.free})
+    once(None, 0)
+    runs = [[timed(partial(once, precision, seed)) for seed in range(seeds)] for precision in precisions]
     # The last has read every pixel.
-    yardstick = Yardstick(found.truth, found.bound(), results[-1][0])
-    runs = [[yardstick.pooled(*one)] for one in zip(times, results, strict=True)]
-    return Curve(runs, f"precisions of {precisions[0]:g} to none asked for, {seeds} seeds each"), yardstick
+    yardstick = Yardstick(contest.truth, contest.bound(), runs[-1][0][0])
+    steps = [
+        [yardstick.pooled(min(seconds for _, seconds in seeded), [values for values, _ in seeded])] for seeded in runs
+    ]
+    return Curve(steps, f"precisions of {precisions[0]:g} to none asked for, {seeds} seeds each"), yardstick
 
 
-def _adam(task: Task, batch: int | None, rates: Sequence[float], yardstick: Yardstick, patience: float) -> Curve:
-    solvers.adam(task, rates[0], batch, lambda _: True)
+def curve_of(runs: Sequence[Run], yardstick: Yardstick, note: str = "") -> Curve:
+    """All learning rates of a solver that has some, else its quickest run."""
+    if runs[0].rate is None:
+        quickest = min((run.trace for run in runs), key=lambda trace: trace.seconds[-1])
+        return Curve([yardstick.run(quickest)], note)
+    rates = ", ".join(f"{run.rate:g}" for run in runs)
+    note = note or f"learning rates {rates}, the best at every time"
+    return Curve([yardstick.run(run.trace) for run in runs], note)
 
-    def done(trace: Trace) -> bool:
-        return trace.elapsed > patience or trace.settled(yardstick.optimum, solvers.SETTLED, solvers.STILL)
 
-    runs = [yardstick.run(solvers.adam(task, rate, batch, done)) for rate in rates]
-    return Curve(runs, f"learning rates {', '.join(f'{rate:g}' for rate in rates)}, the best at every time")
-
-
-def of_renderers(race: Race | None, yardstick: Yardstick) -> dict[str, Curve]:
+def of_renderers(race: dict[str, list[Run]], yardstick: Yardstick) -> dict[str, Curve]:
     """Mitsuba and Dr.Jit; empty curves with the reason where they are missing."""
-    if race is None:
-        return {"mitsuba": Curve(note=renderers.MISSING), "dr.jit": Curve(note=renderers.MISSING)}
-    quickest = min(race.drjit, key=lambda one: one.trace.seconds[-1])
     return {
-        "mitsuba": Curve([yardstick.run(trace) for trace in race.tutorial.values()], "compiled before"),
-        "dr.jit": Curve([yardstick.run(quickest.trace)], "compiled before"),
+        name: curve_of(race[name], yardstick, "compiled before") if race[name] else Curve(note=renderers.MISSING)
+        for name in ("mitsuba", "dr.jit")
     }
 
 
@@ -179,32 +159,29 @@ def figures(case: str, estimator: str, curve: Curve, own: Curve) -> Iterator[Rec
         if estimator != "matest":
             ratio = None if taken is None or of_matest is None else taken / of_matest
             yield Record("frontier", case, f"{estimator}: {what} / matest", ratio, "1", "higher", SLOWER, curve.note)
-    yield Record("frontier", case, f"{estimator}: error at the end", curve.end, "1", note=curve.note)
+    yield Record("frontier", case, f"{estimator}{_END}", curve.end, "1", note=curve.note)
     for number, (seconds, error) in enumerate(curve.points()):
         yield Record("frontier", case, f"{estimator}: point {number}, seconds", seconds, "s")
         yield Record("frontier", case, f"{estimator}: point {number}, error", error, "1")
 
 
-def frontier_table(found: list[Record]) -> Group:
+def table(found: Sequence[Record]) -> Group:
     """Seconds to equal errors, times matest's, and errors at the end; then where matest loses."""
-    table = ruled("", "to 2 ×\nthe bound", "times\nmatest's", "to 1 %", "times\nmatest's", "error at\nthe end")
-    lost, missing = [], {}
+    times = ruled("", "to 2 ×\nthe bound", "times\nmatest's", "to 1 %", "times\nmatest's", "error at\nthe end")
+    losses, missing = [], {}
     for case, metrics in by_case(found).items():
-        table.add_row(case_name(case))
-        ends = [name for name in metrics if name.endswith(": error at the end")]
-        for estimator in (name.removesuffix(": error at the end") for name in ends):
-            if metrics[f"{estimator}: error at the end"].value is None:
-                missing[estimator] = metrics[f"{estimator}: error at the end"].note
+        times.add_row(case_name(case))
+        for solver in (name.removesuffix(_END) for name in metrics if name.endswith(_END)):
+            end = metrics[f"{solver}{_END}"]
+            if end.value is None:
+                missing[solver] = end.note
                 continue
             row = []
             for what in EQUAL:
-                taken, ratio = metrics[f"{estimator}: {what}"], metrics.get(f"{estimator}: {what} / matest")
-                row += [_or_never(taken), figure(ratio)]
-                if ratio is not None and ratio.misses:
-                    lost.append(f"{case}, {estimator}, {what}: in {ratio.value:.2g} of matest's time")
-                elif taken.value is not None and metrics[f"matest: {what}"].value is None:
-                    lost.append(f"{case}, {estimator}, {what}: matest never gets there")
-            table.add_row(f"  {estimator}", *row, figure(metrics[f"{estimator}: error at the end"]))
+                row += [_or_never(metrics[f"{solver}: {what}"]), figure(metrics.get(f"{solver}: {what} / matest"))]
+                if loss := _loss(metrics, solver, what):
+                    losses.append(f"  {case}, {solver}, {what}: {loss}")
+            times.add_row(f"  {solver}", *row, figure(end))
     about = (
         f"{IMAGES} photographs. Error: root mean square over the unknowns, in units of the Cramér-Rao bound of all "
         f"samples; seconds until it stays below {EQUAL[BOUNDS][1]:g}, and until every parameter stays within "
@@ -212,12 +189,21 @@ def frontier_table(found: list[Record]) -> Group:
         "start in the middle of the domain; matest starts from the photographs in memory, and its curve is made of "
         "estimates to coarser and finer precisions. Adam, mitsuba: the best of several learning rates at every time."
     )
-    verdict = Text(
-        "matest loses nowhere here." if not lost else "matest loses:\n" + "\n".join(f"  {line}" for line in lost),
-        style="red" if lost else "",
-    )
-    return Group(Text(about), "", table, "", verdict, *(Text(f"{who}: {why}") for who, why in missing.items()))
+    verdict = Text("\n".join(["matest loses:", *losses]), style="red") if losses else Text("matest loses nowhere here.")
+    return Group(Text(about), "", times, "", verdict, *(Text(f"{solver}: {why}") for solver, why in missing.items()))
+
+
+def _loss(metrics: Mapping[str, Record], solver: str, what: str) -> str:
+    """How matest is slower than a solver, if it is."""
+    ratio = metrics.get(f"{solver}: {what} / matest")
+    if ratio is not None and ratio.misses:
+        return f"in {ratio.value:.2g} of matest's time"
+    never = metrics[f"{solver}: {what}"].value is not None and metrics[f"matest: {what}"].value is None
+    return "matest never gets there" if never else ""
 
 
 def _or_never(record: Record) -> Text:
     return Text("never") if record.value is None else figure(record)
+
+
+SUITE = Suite(measure, table)

@@ -12,13 +12,13 @@ from pathlib import Path
 import cv2
 import torch
 from rich.console import Group
-from rich.text import Text
 
 from matest.benchmark.instruments.passes import product, seconds
 from matest.benchmark.instruments.photographs import take
 from matest.benchmark.instruments.timing import TILE
-from matest.benchmark.record import Progress, Record
-from matest.benchmark.tables import by_case, figure, notes, ruled
+from matest.benchmark.record import QUICK, Progress, Record
+from matest.benchmark.suite import Effort, Suite
+from matest.benchmark.tables import by_case, figure, page, ruled
 from matest.workers import in_threads, processors
 
 # Numbers in an array that no cache holds: 128 MB.
@@ -26,8 +26,6 @@ LARGE = 2**25
 # Photographs that are decoded, and their size.
 IMAGES, SIZE = 4, 384
 ROUNDS = 5
-# The metric that tells a quick run from a full one.
-QUICK = "quick"
 
 
 @dataclass(frozen=True)
@@ -70,28 +68,29 @@ def decode(files: Sequence[Path]) -> float:
     return time.perf_counter() - start
 
 
-def run(quick: bool, progress: Progress) -> Iterator[Record]:
+def measure(effort: Effort, progress: Progress) -> Iterator[Record]:
     """Records of the limits, and of what run they belong to."""
     progress("copy, decoding, one element-wise pass")
-    found = machine()
-    yield Record("limits", "run", QUICK, int(quick), "1")
+    limits = machine()
+    yield Record("limits", "run", QUICK, int(effort.quick), "1")
     yield Record("limits", "machine", "processors", processors(), "1", "higher")
     # A copy reads and writes.
-    yield Record("limits", "machine", "memory bandwidth", 2e-9 / found.copy, "GB/s", "higher")
-    yield Record("limits", "machine", "decoding", 1e9 * found.decode, "ns")
-    yield Record("limits", "machine", "pass in tiles", 1e9 * found.tiled, "ns")
-    yield Record("limits", "machine", "pass in one call", 1e9 * found.whole, "ns")
+    yield Record("limits", "machine", "memory bandwidth", 2e-9 / limits.copy, "GB/s", "higher")
+    yield Record("limits", "machine", "decoding", 1e9 * limits.decode, "ns")
+    yield Record("limits", "machine", "pass in tiles", 1e9 * limits.tiled, "ns")
+    yield Record("limits", "machine", "pass in one call", 1e9 * limits.whole, "ns")
 
 
-def limits_table(found: list[Record]) -> Group:
+def table(found: Sequence[Record]) -> Group:
     """The limits in one row."""
-    metrics = by_case(found)["machine"]
     heads = ("memory\nGB/s", "decoding\nns a pixel", "pass in tiles\nns a number", "in one call\nns a number")
-    table = ruled("processors", *heads)
-    processor, *others = (figure(record) for record in metrics.values())
-    table.add_row(processor, *others)
+    limits = ruled("processors", *heads)
+    limits.add_row(*map(figure, by_case(found)["machine"].values()))
     about = (
         "What this machine can do at best, measured in this run: copying a large array; decoding 16-bit RGB PNG with "
         "OpenCV; one element-wise product of two tensors."
     )
-    return Group(Text(about), "", table, *notes(found))
+    return page(about, limits, records=found)
+
+
+SUITE = Suite(measure, table)

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import tempfile
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import tomli_w
 from rich.console import Group
-from rich.text import Text
 
-from matest.benchmark.instruments.photographs import take
+from matest.benchmark.instruments.photographs import FIX, take
 from matest.benchmark.record import Progress, Record
-from matest.benchmark.tables import by_case, case_name, figure, notes, ruled
+from matest.benchmark.suite import Effort, Suite
+from matest.benchmark.tables import by_case, listed, page
 
 FEW, TIMES = 12, 10
 SIZE, SIZE_QUICK = 1024, 192
@@ -25,21 +26,20 @@ MODELS, MODELS_QUICK = ("oren-nayar", "cook-torrance"), ("oren-nayar",)
 
 # The high-water mark of the process's own memory; `getrusage` would count that of the process that started it.
 _CHILD = """
-import sys, matest
-held = {"f0": 0.04} if sys.argv[2] == "cook-torrance" else {}
-matest.estimate(matest.load_capture(sys.argv[1]), sys.argv[2], fix=held)
+import json, sys, matest
+matest.estimate(matest.load_capture(sys.argv[1]), sys.argv[2], fix=json.loads(sys.argv[3]))
 with open("/proc/self/status") as status:
     print(next(line.split()[1] for line in status if line.startswith("VmHWM")))
 """
 
 
-def run(quick: bool, progress: Progress) -> Iterator[Record]:
+def measure(effort: Effort, progress: Progress) -> Iterator[Record]:
     """Records of the estimates of every model, each in a process of its own."""
-    for expression in MODELS_QUICK if quick else MODELS:
-        yield from measure(expression, SIZE_QUICK if quick else SIZE, progress)
+    for expression in MODELS_QUICK if effort.quick else MODELS:
+        yield from peaks(expression, SIZE_QUICK if effort.quick else SIZE, progress)
 
 
-def measure(expression: str, size: int, progress: Progress) -> Iterator[Record]:
+def peaks(expression: str, size: int, progress: Progress) -> Iterator[Record]:
     """Peak of `FEW` photographs and of `TIMES` as many, the same ones named again."""
     if not Path("/proc/self/status").exists():
         note = "the peak memory of a process is only known on Linux"
@@ -69,16 +69,16 @@ def repeat(file: Path, times: int) -> None:
 
 def peak(folder: Path, expression: str) -> float:
     """Peak resident memory in megabytes (10⁶ bytes) of a process that reads and estimates a capture."""
-    command = [sys.executable, "-c", _CHILD, str(folder), expression]
+    command = [sys.executable, "-c", _CHILD, str(folder), expression, json.dumps(FIX[expression])]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     return int(done.stdout) * 1024 / 1e6
 
 
-def memory_table(found: list[Record]) -> Group:
+def table(found: Sequence[Record]) -> Group:
     """Both peaks and their difference."""
-    columns = (f"peak of {FEW}", f"peak of {FEW * TIMES}", "growth")
-    table = ruled("megabytes", *columns)
-    for case, metrics in by_case(found).items():
-        table.add_row(case_name(case), *(figure(metrics.get(column)) for column in columns))
+    megabytes = listed("megabytes", (f"peak of {FEW}", f"peak of {FEW * TIMES}", "growth"), by_case(found))
     about = f"Peak memory of reading and estimating {FEW} and {FEW * TIMES} photographs; limit of growth {LIMIT:g} MB."
-    return Group(Text(about), "", table, *notes(found))
+    return page(about, megabytes, records=found)
+
+
+SUITE = Suite(measure, table)

@@ -2,51 +2,49 @@
 
 from __future__ import annotations
 
-import math
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from time import perf_counter
 
 import torch
+from rich.console import Group
+from rich.text import Text
 from torch import Tensor
 
-from matest.benchmark.instruments import table4
 from matest.benchmark.instruments.passes import element_wise, heavy, product, seconds
 from matest.benchmark.instruments.timing import TILE, forward, forward_and_backward, no_compiler, random_directions
 from matest.benchmark.record import Progress, Record
+from matest.benchmark.suite import Effort, Suite
+from matest.benchmark.suites import table4
+from matest.benchmark.tables import by_case, case_name, figure, largest, page, ruled
 from matest.brdf import MODELS, Brdf, model, variants
 
 PAIRS, PAIRS_QUICK = 1_000_000, 100_000
-# Targets: gradient against value, and a value of Cook-Torrance against the element-wise passes it needs.
-GRADIENT_LIMIT, PASS_LIMIT, PASS_LIMIT_OF = 4.0, 3.0, "cook-torrance"
+# Gradient against value, at most.
+GRADIENT_LIMIT = 4.0
+# A value against the element-wise passes it needs, at most, of the model that is held to it.
+PASS_LIMIT, PASS_LIMIT_OF = 3.0, "cook-torrance"
+_METRICS = ("forward time", "forward", "forward + backward time", "forward + backward", "gradient")
+_PASSES = ("passes", "time per pass", "time of its own passes")
 
 
-def run(quick: bool, progress: Progress) -> Iterator[Record]:
+def measure(effort: Effort, progress: Progress) -> Iterator[Record]:
     """Records of every model and every choice of its options, in float32 and with as many threads as torch takes.
 
-    A quick run leaves out other options than the default, and what torch compiles.
+    A quick run leaves out other options than the default, and what torch compiles; others compile no model any more
+    once their time is over.
     """
-    if quick:
-        yield from _all([name for name in variants() if name in MODELS], PAIRS_QUICK, 0.0, progress)
-    else:
-        yield from _all(variants(), PAIRS, math.inf, progress)
-
-
-def within(seconds: float, progress: Progress) -> Iterator[Record]:
-    """The same, but no model is compiled once so many seconds have passed."""
-    yield from _all(variants(), PAIRS, seconds, progress)
-
-
-def _all(expressions: list[str], pairs: int, seconds: float, progress: Progress) -> Iterator[Record]:
-    end = perf_counter() + seconds
+    pairs = PAIRS_QUICK if effort.quick else PAIRS
+    expressions = [name for name in variants() if not effort.quick or name in MODELS]
+    end = perf_counter() + (0.0 if effort.quick else effort.seconds)
     yield Record("models", "all", "threads", torch.get_num_threads(), "1", "higher")
     for number, expression in enumerate(expressions):
         progress(expression, number, len(expressions))
-        yield from measure(expression, pairs, compiled=expression in MODELS and perf_counter() < end)
-    yield from table4.run(pairs, progress)
+        yield from times_of(expression, pairs, compiled=expression in MODELS and perf_counter() < end)
+    yield from table4.measure(pairs, progress)
 
 
-def measure(expression: str, pairs: int, compiled: bool) -> Iterator[Record]:
+def times_of(expression: str, pairs: int, compiled: bool) -> Iterator[Record]:
     """Time one model on random directions above the horizon, with scalar parameters that record derivatives.
 
     Times are given per pair of directions and as a multiple of `product`, cut into the same tiles: once tile by tile,
@@ -103,3 +101,31 @@ def _compiled(expression: str, brdf: Brdf, wi: Tensor, wo: Tensor) -> Iterator[R
             yield from _times(expression, "compiled", times, n, None)
             return
     yield Record("models", expression, "compiled forward", None, "pass", note=note)
+
+
+def table(found: Sequence[Record]) -> Group:
+    """Times of every model: tile by tile, in one call, compiled; then its element-wise passes; then Table 4."""
+    cases = by_case([record for record in found if not record.case.startswith((table4.CASE, table4.WITHOUT))])
+    threads = cases.pop("all")["threads"].value
+    times = ruled("", "forward\nns", "forward\npasses", "+backward\nns", "+backward\npasses", "ratio")
+    passes = ruled("", "passes", "time\nper pass", "time /\nown passes")
+    for case, metrics in cases.items():
+        times.add_row(case_name(case))
+        for mode in ("tiled", "one call", "compiled"):
+            row = [metrics.get(f"{mode} {metric}") for metric in _METRICS]
+            if any(row):
+                times.add_row(f"  {mode}", *map(figure, row))
+        passes.add_row(case_name(case), *(figure(metrics[metric]) for metric in _PASSES))
+    about = (
+        f"{largest(found, 'pairs'):,} pairs of directions (a tenth for sums over facets), float32, threads: {threads}. "
+        "Per pair: forward is the value, +backward also its gradient by the parameters, ratio the second to the first. "
+        f"A pass is one element-wise product of two tensors, in the same tiles of {TILE:,} (tiled) or whole."
+    )
+    legend = (
+        "Passes: numbers that operations write, per pair. Time per pass: tiled forward / (passes × the pass above). "
+        "Own passes: the time of the same operations alone."
+    )
+    return page(about, times, "", Text(legend), "", passes, *table4.tables(found), records=found)
+
+
+SUITE = Suite(measure, table, share=200)

@@ -2,40 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from rich.console import Group
 
+from matest.benchmark.instruments import trial
+from matest.benchmark.instruments.photographs import Conditions
 from matest.benchmark.instruments.pooling import Targets
-from matest.benchmark.instruments.simulated import Conditions
-from matest.benchmark.instruments.trial import described, trial
 from matest.benchmark.record import Progress, Record
-from matest.benchmark.suites.efficiency import figures, pooled_table
+from matest.benchmark.suite import Effort, Suite
+from matest.benchmark.suites.efficiency import pooled, pooled_table
 
 SPOILT = Conditions(bits=8, outliers=0.02, saturated=0.05)
 CAPTURES, CAPTURES_QUICK = 2000, 2
 TARGETS = Targets(error=1.3, lowest_coverage=0.90)
 
 
-def run(quick: bool, progress: Progress) -> Iterator[Record]:
+def measure(effort: Effort, progress: Progress) -> Iterator[Record]:
     """Records of every model; the bound is that of the samples that are neither outliers nor saturated."""
-    yield from figures("outliers", SPOILT, TARGETS, CAPTURES_QUICK if quick else CAPTURES, progress)
-
-
-def within(seconds: float, progress: Progress) -> Iterator[Record]:
-    """The same of as many captures as so many seconds allow."""
-    yield from figures("outliers", SPOILT, TARGETS, CAPTURES, progress, seconds)
+    captures = CAPTURES_QUICK if effort.quick else CAPTURES
+    yield from pooled("outliers", SPOILT, TARGETS, captures, effort.seconds, progress)
 
 
 def again(expression: str, seed: int) -> str:
-    """One of the captures once more, as a sentence: to look into a failure that the suite names by its seed."""
-    return described(trial(expression, seed, SPOILT, grid=False))
+    """One of the captures once more, as a sentence."""
+    return trial.again(expression, seed, SPOILT, grid=False)
 
 
-def outliers_table(found: list[Record]) -> Group:
+def table(found: Sequence[Record]) -> Group:
     """Pooled errors and coverage with their intervals; then parameter by parameter."""
     conditions = (
         f"8-bit images, {SPOILT.outliers:.0%} of the pixels outliers, {SPOILT.saturated:.0%} saturated. Limits: error "
         f"{TARGETS.error:g} (bound of the clean samples), coverage {TARGETS.lowest_coverage:g}."
     )
     return pooled_table(found, conditions)
+
+
+SUITE = Suite(measure, table, share=120)

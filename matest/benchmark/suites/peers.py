@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
@@ -13,19 +12,19 @@ from rich.console import Group
 from rich.text import Text
 
 import matest
-from matest.benchmark.instruments.subjects import GLOSSY, IMAGES, Subject, sphere_of
-from matest.benchmark.instruments.task import CLOSE, Task, Trace, Values, distance
+from matest.benchmark.instruments.contest import GLOSSY, IMAGES, Contest, sphere_of
+from matest.benchmark.instruments.passes import timed
+from matest.benchmark.instruments.task import CLOSE, Trace, Values, distance
 from matest.benchmark.instruments.timing import no_compiler
 from matest.benchmark.record import Progress, Record
 from matest.benchmark.rivals import hand_written, renderers, solvers
-from matest.benchmark.rivals.renderers import Prepared, Race
-from matest.benchmark.rivals.solvers import PEERS, raced
-from matest.benchmark.tables import by_case, case_name, figure, notes, ruled
+from matest.benchmark.rivals.race import Once, Rules, Run, finished, rivals
+from matest.benchmark.suite import Effort, Suite
+from matest.benchmark.tables import by_case, case_name, figure, largest, page, ruled
 
 ROUNDS = 3
 # A peer that goes on for so many times its limit has lost enough: what it needs is more.
 _MARGIN = 1.5
-BATCH = 16_384
 # Least times faster than each; None: for information.
 LIMITS = {
     "adam": 50.0,
@@ -51,11 +50,11 @@ _RATES = (0.1, 0.3, 0.03, 0.01)
 
 
 @dataclass(frozen=True)
-class Effort:
+class Size:
     """How much is measured.
 
     Attributes:
-        size: of the images.
+        pixels: on a side of the images.
         models: that are raced.
         rates: learning rates of Adam that are tried; what the search costs is not counted.
         patience: seconds after which a run of Adam, L-BFGS or scipy ends.
@@ -64,7 +63,7 @@ class Effort:
         judged: whether limits hold.
     """
 
-    size: int
+    pixels: int
     models: tuple[str, ...] = tuple(HAND_WRITTEN)
     rates: tuple[float, ...] = _RATES
     patience: float = 60.0
@@ -74,13 +73,20 @@ class Effort:
 
 
 # Photographs of a megapixel, as those that estimates are timed on; smaller ones in the run of all suites.
-FULL = Effort(1024, of_mitsuba=300.0)
-SHARED = Effort(256)
-QUICK = Effort(64, ("oren-nayar", GLOSSY), _RATES[:1], 1.5, renderers.PATIENCE_QUICK, compiles=False, judged=False)
+FULL = Size(1024, of_mitsuba=300.0)
+SHARED = Size(256)
+QUICK = Size(64, ("oren-nayar", GLOSSY), _RATES[:1], 1.5, renderers.PATIENCE_QUICK, compiles=False, judged=False)
 
 
-class Found(NamedTuple):
-    """Seconds until the optimum, None if a solver never gets there; how long it had gone on then; Adam's best rate."""
+class Result(NamedTuple):
+    """How a solver fared.
+
+    Attributes:
+        seconds: until the optimum; None if it never gets there.
+        note: for a person.
+        spent: how long it had gone on then.
+        rate: its learning rate.
+    """
 
     seconds: float | None
     note: str
@@ -88,191 +94,134 @@ class Found(NamedTuple):
     rate: float | None = None
 
 
-def run(quick: bool, progress: Progress, against: Collection[str] = PEERS) -> Iterator[Record]:
-    """Records of the models that have a hand-written peer."""
-    yield from race(QUICK if quick else FULL, progress, against)
+def measure(effort: Effort, progress: Progress) -> Iterator[Record]:
+    """Records of the models that have a hand-written peer.
+
+    In a run of all suites no run of Adam, L-BFGS or scipy takes more than a fifth of its time.
+    """
+    size = QUICK if effort.quick else FULL
+    if effort.shared:
+        size = replace(SHARED, patience=min(SHARED.patience, effort.seconds / 5))
+    for expression in size.models:
+        yield from compare(sphere_of(expression, size.pixels), size, effort, progress)
 
 
-def within(seconds: float, progress: Progress) -> Iterator[Record]:
-    """The same on smaller photographs; no run of Adam, L-BFGS or scipy takes more than a fifth of that."""
-    yield from race(replace(SHARED, patience=min(SHARED.patience, seconds / 5)), progress, PEERS)
-
-
-def race(effort: Effort, progress: Progress, against: Collection[str]) -> Iterator[Record]:
-    """Records of every model."""
-    for expression in effort.models:
-        yield from measure(sphere_of(expression, effort.size), effort, progress, against)
-
-
-def measure(subject: Subject, effort: Effort, progress: Progress, against: Collection[str]) -> Iterator[Record]:
+def compare(contest: Contest, size: Size, effort: Effort, progress: Progress) -> Iterator[Record]:
     """Times of matest and of every peer, all after a first run that is not counted."""
-    expression, task = subject.expression, subject.task
-    prepare = HAND_WRITTEN[expression]
-    optimum = subject.optimum(prepare)
-    yield Record("peers", expression, "samples", len(task.radiance), "1", "higher")
+    expression = contest.expression
+    optimum = hand_written.optimum(contest.task, contest.truth, HAND_WRITTEN[expression])
+    yield Record("peers", expression, "samples", len(contest.task.radiance), "1", "higher")
     progress(f"{expression}: matest")
-    seconds, off = _matest(subject, optimum)
+    seconds, off = _matest(contest, optimum)
     yield Record("peers", expression, "matest", seconds, "s")
     note = "largest relative distance of a parameter from the optimum"
     yield Record("peers", expression, "distance", off, "1", limit=CLOSE, note=note)
-    runs: dict[str, Callable[[float], Found]] = {
-        "adam": lambda patience: _adam(task, optimum, None, effort.rates, patience),
-        "adam, mini-batches": lambda patience: _adam(task, optimum, BATCH, effort.rates, patience),
-        "l-bfgs": lambda patience: _shortest(partial(solvers.lbfgs, task, patience=patience), optimum),
-        "least_squares": lambda patience: _shortest(partial(solvers.least_squares, task, patience=patience), optimum),
-        "levenberg-marquardt": lambda _: _shortest(partial(hand_written.levenberg_marquardt, task, prepare), optimum),
-    }
-    if effort.compiles:
-        runs["adam, compiled"] = lambda patience: _adam_compiled(
-            task, optimum, results["adam"].rate or effort.rates[0], patience
-        )
-        runs["l-bfgs, compiled"] = lambda patience: _compiled(
-            partial(solvers.lbfgs, task, compiled=True, patience=patience), optimum
-        )
-    results: dict[str, Found] = {}
-    for peer, once in runs.items():
-        if raced(peer, against):
+    best: dict[str, Result] = {}
+    for peer, once in _solvers(contest, optimum, size, best).items():
+        if effort.races(peer):
             progress(f"{expression}: {peer}")
-            results[peer] = once(min(effort.patience, _MARGIN * (LIMITS[peer] or math.inf) * seconds))
-            yield from _compared(expression, peer, seconds, results[peer], effort)
-    if expression == GLOSSY and raced("mitsuba, dr.jit", against):
+            runs = once(min(size.patience, _MARGIN * (LIMITS[peer] or math.inf) * seconds))
+            best[peer] = result_of(runs, optimum, no_compiler())
+            yield from _compared(expression, peer, seconds, best[peer], size)
+    if expression == GLOSSY and effort.races("mitsuba, dr.jit"):
         progress(f"{expression}: mitsuba, dr.jit")
-        renderings = renderers.race_of_sphere(effort.size, effort.of_mitsuba)
-        for peer, found in against_renderers(renderings, optimum).items():
-            yield from _compared(expression, peer, seconds, found, effort)
+        for peer, result in of_renderers(renderers.race_of_sphere(size.pixels, size.of_mitsuba), optimum).items():
+            yield from _compared(expression, peer, seconds, result, size)
 
 
-def _compared(expression: str, peer: str, seconds: float, found: Found, effort: Effort) -> Iterator[Record]:
-    yield Record("peers", expression, peer, found.seconds, "s", note=found.note)
-    ratio, note = None, found.note
-    if found.seconds is not None:
-        ratio = found.seconds / seconds
-    elif found.spent:
-        ratio, note = found.spent / seconds, f"at least: {note}"
-    limit = LIMITS[peer] if effort.judged else None
+def _matest(contest: Contest, optimum: Values) -> tuple[float, float]:
+    """The shortest time of an estimate from the capture, and how far it is from the optimum."""
+
+    def once() -> matest.Estimate:
+        return matest.estimate(contest.capture, contest.expression, fix=contest.fixed, precision=CLOSE / 3)
+
+    _, *runs = (timed(once) for _ in range(ROUNDS + 1))
+    return min(seconds for _, seconds in runs), distance(runs[-1][0].material.parameters, optimum)
+
+
+def _solvers(contest: Contest, optimum: Values, size: Size, best: dict[str, Result]) -> dict[str, Once]:
+    """Every solver in this process; `best` will hold the results of those that have run."""
+    task, prepare = contest.task, HAND_WRITTEN[contest.expression]
+
+    def adam(patience: float) -> list[Run]:
+        done = partial(finished, optimum=optimum, close=CLOSE, limit=patience)
+        return _compiled(partial(solvers.adam, task, best["adam"].rate or size.rates[0], None, done))
+
+    def lbfgs(patience: float) -> list[Run]:
+        return _compiled(partial(solvers.lbfgs, task, patience=patience))
+
+    compiled = {"adam, compiled": adam, "l-bfgs, compiled": lbfgs} if size.compiles else {}
+    return rivals(task, optimum, prepare, Rules(size.rates, ROUNDS)) | compiled
+
+
+def _compiled(once: Callable[..., Trace]) -> list[Run]:
+    """A run whose code is compiled before it starts; none where there is no compiler."""
+    if no_compiler():
+        return []
+    trace, seconds = timed(lambda: once(compiled=True))
+    return [Run(trace, f"after {seconds - trace.seconds[-1]:.3g} s of compiling")]
+
+
+def of_renderers(race: dict[str, list[Run]], optimum: Values) -> dict[str, Result]:
+    """Times of Mitsuba and Dr.Jit; one sentence if they are missing. What compiling adds to never is left out."""
+    results = {peer: result_of(runs, optimum) for peer, runs in race.items()}
+    if results["mitsuba"].seconds is None:
+        results.pop("mitsuba, compiling", None)
+    return {peer: results[peer] for peer in LIMITS if peer in results}
+
+
+def result_of(runs: Sequence[Run], optimum: Values, missing: str = renderers.MISSING) -> Result:
+    """The shortest time to the optimum; if none gets there, how far the nearest is from it.
+
+    Args:
+        runs: of one solver.
+        optimum: of the likelihood.
+        missing: why there is no run, if there is none.
+    """
+    if not runs:
+        return Result(None, missing)
+    # A run that is there when its time is up counts, though it has not shown that it stays.
+    arrivals = [(arrived, run) for run in runs if (arrived := run.trace.arrival(optimum)) is not None]
+    if arrivals:
+        seconds, run = min(arrivals, key=lambda one: one[0])
+        return Result(seconds, run.note, rate=run.rate)
+    off, spent = min((distance(run.trace.values[-1], optimum), run.trace.seconds[-1]) for run in runs)
+    return Result(None, f"never within {CLOSE:.0%} to stay: {off:.2g} off after {spent:.3g} s", spent)
+
+
+def _compared(expression: str, peer: str, seconds: float, result: Result, size: Size) -> Iterator[Record]:
+    yield Record("peers", expression, peer, result.seconds, "s", note=result.note)
+    ratio, note = None, result.note
+    if result.seconds is not None:
+        ratio = result.seconds / seconds
+    elif result.spent:
+        ratio, note = result.spent / seconds, f"at least: {note}"
+    limit = LIMITS[peer] if size.judged else None
     yield Record("peers", expression, f"{peer} / matest", ratio, "1", "higher", limit, note)
 
 
-def against_renderers(race: Race | None, optimum: Values) -> dict[str, Found]:
-    """Times of Mitsuba and Dr.Jit; one sentence if they are missing."""
-    if race is None:
-        return {"mitsuba": Found(None, renderers.MISSING), "dr.jit": Found(None, renderers.MISSING)}
-    tutorials = {
-        rate: arrived for rate, trace in race.tutorial.items() if (arrived := trace.arrival(optimum)) is not None
-    }
-    found: dict[str, Found] = {}
-    if tutorials:
-        rate = min(tutorials, key=tutorials.__getitem__)
-        note = f"learning rate {rate:g}"
-        found["mitsuba"] = Found(tutorials[rate], note)
-        found["mitsuba, compiling"] = Found(tutorials[rate] + race.compiling, note)
-    else:
-        found["mitsuba"] = _never(min(race.tutorial.values(), key=lambda trace: _end(trace, optimum)), optimum)
-    runs = sorted(race.drjit, key=lambda one: one.trace.arrival(optimum) or math.inf)
-    found["dr.jit"] = _arrival(runs[0], optimum)
-    found["dr.jit, prepared"] = _arrival(runs[0], optimum, prepared=True)
-    found["dr.jit, compiling"] = _arrival(race.drjit_first, optimum)
-    return found
-
-
-def _arrival(run: Prepared, optimum: Values, prepared: bool = False) -> Found:
-    arrived = run.trace.arrival(optimum)
-    if arrived is None:
-        return _never(run.trace, optimum)
-    return Found(arrived - (run.preparation if prepared else 0.0), f"{len(run.trace.values)} iterations in all")
-
-
-def _end(trace: Trace, optimum: Values) -> float:
-    return distance(trace.values[-1], optimum)
-
-
-def _never(trace: Trace, optimum: Values) -> Found:
-    spent = trace.seconds[-1]
-    note = f"never within {CLOSE:.0%} to stay: {_end(trace, optimum):.2g} off after {spent:.3g} s"
-    return Found(None, note, spent)
-
-
-def _matest(subject: Subject, optimum: Values) -> tuple[float, float]:
-    """The shortest time of an estimate from the capture, and how far it is from the optimum."""
-    times = []
-    for _ in range(ROUNDS + 1):
-        start = time.perf_counter()
-        found = matest.estimate(subject.capture, subject.expression, fix=subject.fixed, precision=CLOSE / 3)
-        times.append(time.perf_counter() - start)
-    return min(times[1:]), distance(found.material.parameters, optimum)
-
-
-def _shortest(once: Callable[[], Trace], optimum: Values) -> Found:
-    """The shortest time to the optimum; None if the solver never gets there."""
-    once()
-    times = []
-    for _ in range(ROUNDS):
-        trace = once()
-        arrived = trace.arrival(optimum)
-        if arrived is None:
-            return _never(trace, optimum)
-        times.append(arrived)
-    return Found(min(times), f"{len(trace.values)} iterations in all")
-
-
-def _adam(task: Task, optimum: Values, batch: int | None, rates: Sequence[float], patience: float) -> Found:
-    """The shortest time over learning rates; None if none gets there."""
-    solvers.adam(task, rates[0], batch, lambda _: True)
-    best, shortest, note = None, math.inf, f"never within {CLOSE:.0%} in {patience:.3g} s at any learning rate"
-    for rate in rates:
-        # No use in going on for much longer than the best so far has taken.
-        limit = min(patience, 2 * shortest)
-        trace = solvers.adam(task, rate, batch, _settled_or(optimum, limit))
-        # One that is there when its time is up counts, though it has not shown that it stays.
-        arrived = trace.arrival(optimum)
-        if arrived is not None and arrived < shortest:
-            size = "all samples" if batch is None else f"{batch:,} samples"
-            best, shortest, note = rate, arrived, f"learning rate {rate:g}, {size} a step"
-    return Found(None, note, patience) if best is None else Found(shortest, note, rate=best)
-
-
-def _adam_compiled(task: Task, optimum: Values, rate: float, patience: float) -> Found:
-    done = _settled_or(optimum, patience)
-    return _compiled(lambda: solvers.adam(task, rate, None, done, compiled=True), optimum)
-
-
-def _compiled(once: Callable[[], Trace], optimum: Values) -> Found:
-    """The time to the optimum of a run whose code is compiled before it starts."""
-    note = no_compiler()
-    if note:
-        return Found(None, note)
-    start = time.perf_counter()
-    trace = once()
-    arrived = trace.arrival(optimum)
-    if arrived is None:
-        return _never(trace, optimum)
-    return Found(arrived, f"after {time.perf_counter() - start - trace.seconds[-1]:.3g} s of compiling")
-
-
-def _settled_or(optimum: Values, limit: float) -> Callable[[Trace], bool]:
-    return lambda trace: trace.settled(optimum, solvers.SETTLED) or trace.elapsed > limit
-
-
-def peers_table(found: list[Record]) -> Group:
+def table(found: Sequence[Record]) -> Group:
     """Seconds of everyone, and how many times as long each peer takes as matest."""
-    table = ruled("", "seconds", "times\nmatest's", "limit")
+    times = ruled("", "seconds", "times\nmatest's", "limit")
     for case, metrics in by_case(found).items():
-        table.add_row(case_name(case))
-        table.add_row("  matest", figure(metrics["matest"]))
+        times.add_row(case_name(case))
+        times.add_row("  matest", figure(metrics["matest"]))
         for peer in (peer for peer in LIMITS if peer in metrics):
             compared = metrics[f"{peer} / matest"]
             ratio, limit = figure(compared), compared.limit
             if metrics[peer].value is None and ratio.plain:
                 ratio = Text("> ").append_text(ratio)
-            table.add_row(f"  {peer}", figure(metrics[peer]), ratio, "" if limit is None else f"> {limit:g}")
-    count = max(int(record.value or 0) for record in found if record.metric == "samples")
+            times.add_row(f"  {peer}", figure(metrics[peer]), ratio, "" if limit is None else f"> {limit:g}")
     about = (
-        f"{count:,} samples of {IMAGES} photographs of a sphere: time until every parameter stays within {CLOSE:.0%} "
-        "of the optimum of the likelihood. Peers get the samples with their geometry and true noise, and start in the "
-        f"middle of the domain; matest starts from the photographs in memory, with --precision {CLOSE / 3:.2g}. Adam: "
-        "torch's with the best learning rate; l-bfgs: torch's; least_squares: scipy's; compiled: by torch, before the "
-        "clock starts. Levenberg-Marquardt: written by hand for the one model, with its Jacobian; dr.jit: the same as "
-        "one fused kernel. mitsuba: its tutorials' render and Adam. Compiling: with what the first run compiles; "
-        "prepared: without what is computed once."
+        f"{largest(found, 'samples'):,} samples of {IMAGES} photographs of a sphere: time until every parameter stays "
+        f"within {CLOSE:.0%} of the optimum of the likelihood. Peers get the samples with their geometry and true "
+        "noise, and start in the middle of the domain; matest starts from the photographs in memory, with --precision "
+        f"{CLOSE / 3:.2g}. Adam: torch's with the best learning rate; l-bfgs: torch's; least_squares: scipy's; "
+        "compiled: by torch, before the clock starts. Levenberg-Marquardt: written by hand for the one model, with its "
+        "Jacobian; dr.jit: the same as one fused kernel. mitsuba: its tutorials' render and Adam. Compiling: with what "
+        "the first run compiles; prepared: without what is computed once."
     )
-    return Group(Text(about), "", table, *notes(found))
+    return page(about, times, records=found)
+
+
+SUITE = Suite(measure, table, share=300)

@@ -7,26 +7,28 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from rich.console import Group
-from rich.text import Text
 
 from matest.benchmark.instruments.photographs import take
 from matest.benchmark.record import Progress, Record
-from matest.benchmark.tables import by_case, figure, notes, ruled
+from matest.benchmark.suite import Effort, Suite
+from matest.benchmark.tables import figure, limit, page, ruled
 
 MODEL, IMAGES, SIZE = "oren-nayar", 3, 128
 ROUNDS, ROUNDS_QUICK = 5, 1
-# Seconds of the help, and the estimate as a multiple of what it cannot do without.
-HELP_LIMIT, RATIO_LIMIT = 0.3, 1.5
+# Seconds of the help.
+HELP_LIMIT = 0.3
+# The estimate as a multiple of what it cannot do without.
+RATIO_LIMIT = 1.5
 CASE = f"{IMAGES} images of {SIZE}×{SIZE} pixels"
 
 
-def run(quick: bool, progress: Progress) -> Iterator[Record]:
+def measure(effort: Effort, progress: Progress) -> Iterator[Record]:
     """Records of every process, the shortest time of each; they take turns."""
-    rounds = ROUNDS_QUICK if quick else ROUNDS
+    rounds = ROUNDS_QUICK if effort.quick else ROUNDS
     with tempfile.TemporaryDirectory() as name:
         progress("taking the photographs")
         folder = take(Path(name), MODEL, images=IMAGES, size=SIZE)
@@ -62,16 +64,17 @@ def seconds(*arguments: str) -> float:
     return time.perf_counter() - start
 
 
-def start_table(found: list[Record]) -> Group:
+def table(found: Sequence[Record]) -> Group:
     """Time of every process, and the ratio."""
-    table = ruled("", "seconds", "limit")
-    for case, metrics in by_case(found).items():
-        for name, record in metrics.items():
-            limit = "" if record.limit is None else f"{record.limit:g}"
-            unit = "times" if record.unit == "1" else ""
-            table.add_row(name, figure(record).append(f" {unit}" if unit else ""), limit)
-        about = (
-            f"Fresh processes, their start included; the estimate is of {case} with {MODEL}. fit: its own count, "
-            "without reading, geometry and report."
-        )
-    return Group(Text(about), "", table, *notes(found))
+    processes = ruled("", "seconds", "limit")
+    for record in found:
+        unit = " times" if record.unit == "1" else ""
+        processes.add_row(record.metric, figure(record).append(unit), limit(record))
+    about = (
+        f"Fresh processes, their start included; the estimate is of {CASE} with {MODEL}. fit: its own count, without "
+        "reading, geometry and report."
+    )
+    return page(about, processes, records=found)
+
+
+SUITE = Suite(measure, table)

@@ -5,15 +5,18 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import torch
+from rich.console import Group
 from torch import Tensor
 
 from matest.benchmark.instruments import precision
 from matest.benchmark.instruments.adversarial import direction_pairs, parameter_values
 from matest.benchmark.instruments.passes import heavy
 from matest.benchmark.record import Progress, Record
+from matest.benchmark.suite import Effort, Suite
+from matest.benchmark.tables import by_case, case_name, figure, largest, page, ruled
 from matest.brdf import MODELS, Brdf, model, variants
 from matest.progress import silent
 
@@ -27,26 +30,17 @@ Inputs = dict[str, Tensor]
 Results = dict[str, Tensor]
 
 
-def run(quick: bool, progress: Progress) -> Iterator[Record]:
-    """Records of every model and every choice of its options.
+def measure(effort: Effort, progress: Progress) -> Iterator[Record]:
+    """Records of every model and every choice of its options, at as many points as the time allows.
 
     Sums over many facets, a hundred times as slow as the others, see a tenth of the points, and a hundredth under
     options other than their default.
     """
-    yield from _all(POINTS_QUICK if quick else POINTS, math.inf, progress)
-
-
-def within(seconds: float, progress: Progress) -> Iterator[Record]:
-    """The same at as many points as so many seconds allow."""
-    yield from _all(POINTS, seconds, progress)
-
-
-def _all(points: int, seconds: float, progress: Progress) -> Iterator[Record]:
-    expressions = variants()
+    points, expressions = POINTS_QUICK if effort.quick else POINTS, variants()
     for expression in expressions:
         brdf = model(expression)[0]
         share = 1 if not heavy(brdf) else 10 if expression in MODELS else 100
-        yield from examine(brdf, points // share, progress, seconds / len(expressions))
+        yield from examine(brdf, points // share, progress, effort.seconds / len(expressions))
 
 
 def examine(brdf: Brdf, points: int, progress: Progress = silent, seconds: float = math.inf) -> list[Record]:
@@ -175,3 +169,26 @@ def _gradient(total: Tensor, inputs: Inputs, create_graph: bool = False) -> Resu
 def _random_like(tensor: Tensor) -> Tensor:
     generator = torch.Generator().manual_seed(SEED)
     return torch.randn(tensor.shape, generator=generator, dtype=tensor.dtype)
+
+
+def table(found: Sequence[Record]) -> Group:
+    """Non-finite results of every model in both precisions, the error of float32, and where the failures were."""
+    failures = ruled("non-finite", *(kind.replace(" derivatives", "") for kind in KINDS), "float32\nerror")
+    for case, metrics in by_case(found).items():
+        failures.add_row(case_name(case))
+        for dtype in ("float32", "float64"):
+            counts = [metrics[f"{dtype} non-finite {kind}"] for kind in KINDS]
+            error = [metrics["float32 error"]] if dtype == "float32" else []
+            failures.add_row(f"  {dtype}", *map(figure, [*counts, *error]))
+    shares = ", ".join(
+        f"{kind.removesuffix(' derivatives')} at 1 in {share}" for kind, (_, share) in KINDS.items() if share > 1
+    )
+    about = (
+        f"{largest(found, 'points'):,} adversarial points a model, a tenth for sums over facets ({shares}): how many "
+        "gave anything not finite. Error of float32 against float64 as a multiple of the one allowed: "
+        f"{precision.RELATIVE:g} relative or {precision.OF_PEAK:g} of the peak."
+    )
+    return page(about, failures, records=found)
+
+
+SUITE = Suite(measure, table, share=150)

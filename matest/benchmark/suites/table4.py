@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import torch
+from rich.console import RenderableType
+from rich.text import Text
 from torch import Tensor
 
 from matest.benchmark.instruments.passes import element_wise, seconds
 from matest.benchmark.instruments.timing import TILE, forward, random_directions
 from matest.benchmark.record import Progress, Record
+from matest.benchmark.tables import by_case, case_name, figure, ruled
 from matest.brdf import Brdf, LiTorrance, model, preset
 from matest.estimation.options import Options
 from matest.estimation.specification import specify
@@ -55,7 +58,7 @@ DROPPED = {
 }
 
 
-def run(pairs: int, progress: Progress) -> Iterator[Record]:
+def measure(pairs: int, progress: Progress) -> Iterator[Record]:
     """Cost of every model with its coefficients of every sample, as multiples of Blinn and Phong's; errors of the fits.
 
     The measured reflectances are not public. The constructed model's published fits stand for them, and the other
@@ -166,3 +169,31 @@ def _without_mirror(brdf: Brdf) -> Brdf:
 
 def _float(brdf: Brdf) -> Brdf:
     return brdf.replace({name: value.float() for name, value in brdf.parameters.items()})
+
+
+def tables(records: Sequence[Record]) -> list[RenderableType]:
+    """Cost of every model and the error of its fit, and what leaving out a component saves."""
+    cases = by_case(records)
+    costs = ruled("Table 4", "paper", *SAMPLES, "error\nof fit", "", "", "")
+    unit = PUBLISHED[UNIT][0]
+    for name, published in PUBLISHED.items():
+        metrics = cases[f"{CASE}{name}"]
+        paper = " - ".join(f"{one / unit:.1f}" for one in dict.fromkeys(published))
+        errors = [f"{metrics[f'{sample} error of fit'].value:.0%}" for sample in SAMPLES]
+        values = [metrics[f"{sample} cost"].value or 0.0 for sample in SAMPLES]
+        row = [f"{value:.2f}" if value < 10 else f"{value:,.0f}" for value in values]
+        costs.add_row(case_name(name), paper, *row, *errors)
+    ours = cases[f"{CASE}{OURS}"]
+    rival = ruled("", *SAMPLES)
+    needed = (ours[f"{sample} needed components"] for sample in SAMPLES)
+    rival.add_row(Text(f"{OURS} / {RIVAL}"), *map(figure, needed))
+    savings = ruled("li-torrance without", "time saved", "its share\nof the passes")
+    for name in DROPPED:
+        shares = (cases[f"{WITHOUT}{name}"][metric].value for metric in ("time saved", "share of the passes"))
+        savings.add_row(Text(name), *(f"{share:.1%}" for share in shares))
+    about = (
+        f"Table 4 of Li & Torrance (2005): run time as a multiple of {UNIT}'s, in the paper (its range over the "
+        "samples) and here (green channel of each sample, float32, tiled), and the error of each model's fit: of the "
+        "published fit, for the measurements are not public, in the same order."
+    )
+    return ["", Text(about), "", costs, "", rival, "", savings]
