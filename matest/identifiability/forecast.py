@@ -125,6 +125,8 @@ def forecast(samples: Samples, problem: Problem, unknowns: Tensor) -> Forecast:
         problem: what will be estimated; it may have more free parameters than the samples were predicted with.
         unknowns: u [P] of the problem.
     """
+    if problem.gauges:
+        problem = replace(problem, gauge_limit=problem.limit_of_gauges(unknowns))
     tiles, weights = thinned(samples)
     statistics = accumulate(problem, unknowns, tiles, unknowns)
     each = torch.tensor([weights[position] for position in statistics.labels.tolist()], dtype=torch.float64)

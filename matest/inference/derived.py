@@ -45,7 +45,7 @@ def _ratio(expansion: Expansion, bars: ErrorBars, name: str, denominator: Parame
     if numerator in problem.where:
         relative = torch.zeros(problem.size, dtype=torch.float64)
         relative[problem.where[numerator].start], relative[problem.where[source].start] = 1 / top, -1 / bottom
-        error = error_of(expansion.information, relative)
+        error = error_of(expansion.precision, relative)
         if error is None or error > _LARGEST_RELATIVE_ERROR:
             return ParameterEstimate(None, None, None, "1", "not determined", doc)
         std = ratio * error * bars.largest_widening

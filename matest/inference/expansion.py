@@ -18,6 +18,10 @@ class Expansion:
 
     Residuals larger than the noise make information and gradient smaller.
 
+    A gauge, which stands for the unknown scale of the light, is a nuisance with a bounded domain: what the samples do
+    not say of it, the domain does. Where it has no effect it takes nothing from the other unknowns, and how near it is
+    to an end of its domain changes little.
+
     Attributes:
         problem: what the unknowns are.
         unknowns: u [P].
@@ -44,5 +48,26 @@ class Expansion:
 
     @cached_property
     def covariance(self) -> Covariance:
-        """Of all unknowns together, by the information alone."""
-        return fisher(self.information, torch.ones(self.problem.size, dtype=torch.bool))
+        """Of all unknowns together."""
+        return fisher(self.precision, torch.ones(self.problem.size, dtype=torch.bool))
+
+    @cached_property
+    def gauges(self) -> Tensor:
+        """Which unknowns are gauges [P]."""
+        gauges = torch.zeros(self.problem.size, dtype=torch.bool)
+        for name in self.problem.gauges:
+            gauges[self.problem.where[name]] = True
+        return gauges
+
+    @cached_property
+    def prior(self) -> Tensor:
+        """What the domains of gauges say of them [P]: 1 / mean square distance of the places there from the value."""
+        width = self.problem.upper - self.problem.lower
+        off_centre = self.unknowns - (self.problem.upper + self.problem.lower) / 2
+        told = self.gauges & torch.isfinite(width)
+        return torch.where(told, 1 / (width.square() / 12 + off_centre.square()), 0.0)
+
+    @cached_property
+    def precision(self) -> Tensor:
+        """What samples and domains say together [P, P]: the inverse of the covariance."""
+        return self.information + torch.diag(self.prior)
