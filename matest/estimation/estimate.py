@@ -14,10 +14,11 @@ from torch import Tensor
 from matest.brdf import Brdf
 from matest.capture import Capture
 from matest.errors import InputError
-from matest.estimation.remarks import message, skipped, unread_samples, warnings
+from matest.estimation.remarks import message, skipped, unread_samples
 from matest.estimation.result import Candidate, Estimate, Fit
 from matest.estimation.selection import select
 from matest.estimation.specification import Constraints, Specification, Value, freed, optics, specify
+from matest.estimation.warnings import Context, warnings
 from matest.estimators import AllTiles, Problem, Solution, accumulate, fit
 from matest.estimators.covariance import fisher
 from matest.inference.posterior import judge, judge_to_first_order
@@ -127,7 +128,7 @@ def estimate(
         skipped=skipped(samples, solution, passed, len(set(holdout)), candidates),
         timing_s={**{stage: capture.timing.get(stage, 0.0) for stage in ("read", "geometry")}, "fit": fit_s},
         holdout=left_out,
-        warnings=warnings(samples, specification, solution, posterior, passed, precision),
+        warnings=warnings(Context(samples, specification, solution, posterior, passed, precision)),
     )
 
 

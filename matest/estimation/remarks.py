@@ -1,30 +1,16 @@
-"""What is said of an estimate: how the fit went, what was not computed, and what deserves a word of warning."""
+"""What is said of an estimate: how the fit went, and what was not computed."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-
-import torch
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 from matest.brdf import MODELS, Sum
 from matest.estimation.result import Candidate
-from matest.estimation.specification import Specification
 from matest.estimators import Solution
-from matest.estimators.covariance import fisher
-from matest.inference.derived import known_by_ratio
 from matest.inference.error_bars import ErrorBars
-from matest.inference.posterior import Posterior
-from matest.inference.quantities import ParameterEstimate
-from matest.photographs.redundant import copied
 from matest.photographs.samples import Samples
-
-# Worth a word of warning: less than this share of the mask is geometry, a fit worse than this (not by noise alone, of
-# which there are no so many outliers), or more outliers.
-_COVERED, _POOR, _SOME_OUTLIERS, _MANY_OUTLIERS = 0.5, 0.15, 0.001, 0.005
-# An image is odd where χ² per value, above the first, falls without it below the second, or to less than this share: a
-# model that fits none of them does not fit the others. Of fewer images none is odd.
-_MISFIT, _MET, _SHARE, _FEW = 1.5, 1.1, 0.1, 3
 
 
 def message(solution: Solution, bars: ErrorBars, unread: int) -> str:
@@ -60,190 +46,111 @@ def skipped(
         held_out: number of images left out of the fit.
         candidates: models that were tried before one was chosen; their lobes that it lacks are not supported.
     """
-    work, problem, capture = [], solution.problem, samples.capture
-    work += [f"image {image} ({capture.names[image]}): {reason}" for image, reason in idle.items()]
-    if capture.copies:
-        work.append(f"{capture.copies} channels: they are copies of the first in every image")
-    statistics = solution.statistics
-    unread = unread_samples(samples, solution)
-    merged = max(int(statistics.total("samples") - statistics.total("evaluated")), 0)
-    if merged:
-        work.append(
-            f"shading of {merged:,} pixels: over smooth squares of 7×7 or 21×21 it is bilinear or biquadratic, four or "
-            "nine samples carry what all say"
-        )
-    if unread:
-        work.append(f"reading {unread:,} samples: the others give the precision asked for")
-    scene = capture.scene
-    if scene.surface.mesh is not None and scene.surface.mesh.convex:
-        work.append("shadow rays: the mesh is convex and cannot shadow itself")
-    elif scene.surface.convex:
-        work.append("shadow rays: a sphere cannot shadow itself")
-    elif scene.surface.mesh is None:
-        work.append("shadow rays: no mesh, cast shadows are unknown")
-    if not bool((scene.ambient > 0).any()):
-        work.append("ambient light: there is none")
-        values = problem.values(solution.unknowns)
-        alike = all(values[name].numel() == 1 for name in problem.shaping)
-        if alike and all(len(lights) == 1 for lights in scene.lights) and scene.channels > 1:
-            work.append("colour: each image has one light, shapes are evaluated once for all channels")
-    for name in problem.held:
-        if name.endswith("diffuse") and isinstance(problem.brdf, Sum) and float(problem.held[name]) == 0:
-            work.append(f"{name}: another component is the diffuse one")
-    every = scene.surface.shape[0] * scene.surface.shape[1]
-    counts = {"redundant": merged, "unread": unread, "idle": len(idle) * every, "held_out": held_out * every}
+    done = Pass(samples, solution, idle)
+    surface = samples.capture.scene.surface
+    every = surface.shape[0] * surface.shape[1]
+    counts = {
+        "redundant": done.merged,
+        "unread": done.unread,
+        "idle": len(idle) * every,
+        "held_out": held_out * every,
+    }
     tried = {part: None for candidate in candidates for part in candidate.model.split("+")}
     lobes = [part for part in tried if not MODELS[part].body]
     taken = {*solution.problem.brdf.expression.split("+")}
     # Where one lobe is there the others are its rivals.
     components = [] if taken & {*lobes} else lobes
+    work = [note for rule in WORK_SAVED for note in rule(done)]
     return {"components": components, "samples": {**samples.skipped, **counts}, "work": work}
 
 
-def _imprecise(parameters: Mapping[str, ParameterEstimate], precision: float | None) -> list[str]:
-    """What could not be estimated to the precision asked for."""
-    errors = {
-        name: max(abs(std / value) for value, std in _numbers(parameter) if value and std is not None)
-        for name, parameter in parameters.items()
-        if parameter.status == "determined" and any(value and std is not None for value, std in _numbers(parameter))
-    }
-    missed = [f"{name} ({error:.2g})" for name, error in errors.items() if precision is not None and error > precision]
-    if not missed:
-        return []
-    missed += [f"{name} (not at all)" for name, found in parameters.items() if found.status == "not determined"]
-    return [f"All pixels together do not give the precision of {precision:g} that was asked for: {', '.join(missed)}."]
+@dataclass(frozen=True)
+class Pass:
+    """A pass over samples, for the rules on what it saved.
 
-
-def _numbers(parameter: ParameterEstimate) -> list[tuple[float | None, float | None]]:
-    """Value and standard error of every channel."""
-    value, std = parameter.value, parameter.std
-    if isinstance(value, list) and isinstance(std, list):
-        return list(zip(value, std, strict=True))
-    return [(value, std)] if not isinstance(value, list) and not isinstance(std, list) else []
-
-
-def warnings(
-    samples: Samples,
-    specification: Specification,
-    solution: Solution,
-    posterior: Posterior,
-    idle: Mapping[int, str],
-    precision: float | None,
-) -> list[str]:
-    """What a user should know of an estimate, in sentences.
-
-    Args:
-        samples: that it was made from.
-        specification: what was asked for.
-        solution, posterior: what came out.
+    Attributes:
+        samples: those of the images that were worked on.
+        solution: what they gave.
         idle: images that add nothing to the others, and why.
-        precision: that was asked for.
     """
-    out = []
-    capture, bars, parameters = samples.capture, posterior.bars, posterior.estimates
-    relative_rmse = solution.statistics.relative_rmse
-    if capture.relative:
-        out.append(
-            "The common scale of the lights is unknown (relative radiometry): albedo is reported up to that scale."
-        )
-    for name in specification.default_held:
-        beside = " beside the strength of the highlight" if name.endswith("f0") else ""
-        out.append(
-            f"{name} is held at {float(solution.problem.held[name]):g}: these images do not determine it{beside}; "
-            f"--free {name} estimates it all the same, --fix {name}=VALUE sets it."
-        )
-    for name, parameter in parameters.items():
-        f0 = name.removesuffix(name.rpartition(".")[2]) + "f0"
-        declared = solution.problem.brdf.declared.get(name)
-        if declared is None or f0 not in specification.default_held or parameter.status != "at bound" or bars.holds:
-            continue
-        values = solution.problem.values(solution.unknowns)[name]
-        if bool((values >= declared.domain.upper).any()) and name in solution.problem.factors:
-            out.append(
-                f"{name} is at its upper end: with {f0} held at {float(solution.problem.held[f0]):g} no lobe is bright "
-                f"enough; give the surface's own, --fix {f0}=VALUE (a metal's is near 1)."
-            )
-    for name in specification.assumed:
-        value = float(solution.problem.held[name])
-        unit = solution.problem.declared(name).unit
-        where = "the lights" if name.endswith("solid_angle") else "[camera]"
-        out.append(f"{name} is taken as {value:g} {unit}: {where} of the capture should say it.")
-    surface = capture.scene.surface
-    if surface.coverage < _COVERED:
-        out.append(
-            f"The geometry covers only {surface.coverage:.0%} of the mask: check the camera and the mesh's units."
-        )
-    if capture.copies:
-        out.append("The channels of every image are copies of each other: one is worked on, and reported.")
-    out += [f"Image {image} ({capture.names[image]}) is left out: {reason}." for image, reason in idle.items()]
-    out += [
-        f"Images {twin} ({capture.names[twin]}) and {image} ({capture.names[image]}) are the same pixels, stated to be "
-        "under different lights or exposures: one of the files is not what it should be."
-        for image, twin in copied(capture, samples.images).items()
-    ]
-    odd = None if bars.holds or bars.chi2 < _MISFIT else _odd_image(solution, samples)
-    if odd is not None:
-        image = samples.images[odd[0]]
-        out.append(
-            f"Without image {image} ({capture.names[image]}) χ² per value would fall from {bars.chi2:.3g} to "
-            f"{odd[1]:.2g}: check its light, its exposure and whether it shows the same object."
-        )
-    empty = [capture.names[k] for k, count in zip(samples.images, samples.counts, strict=True) if not count]
-    if empty:
-        out.append(f"{', '.join(empty)} gives no usable pixel: is its light behind the object, or the image clipped?")
-    if solution.statistics.outliers > _MANY_OUTLIERS:
-        out.append(
-            f"{solution.statistics.outliers:.1%} of the values lie too far from the model to be noise and were left "
-            "out: dust, highlights or shadows that model and geometry do not have?"
-        )
-    if relative_rmse > _POOR and (not bars.holds or solution.statistics.outliers > _SOME_OUTLIERS):
-        out.append(
-            f"The model misses the images by {relative_rmse:.0%}: check encoding.transfer, the directions of the "
-            "lights, and that normals have y up and z toward the viewer, or try another model."
-        )
-    lost = [name for name, parameter in parameters.items() if parameter.status == "not determined"]
-    lost = [name for name in lost if not known_by_ratio(solution.problem, name)]
-    locked = [name for name in lost if name in posterior.seen_together]
-    if len(locked) > 1:
-        out.append(f"{' and '.join(locked)} are not determined: these images see only a combination of them; fix one.")
-    alone = [name for name in lost if len(locked) < 2 or name not in locked]
-    if alone:
-        told = [name + _channels(parameters[name]) for name in alone]
-        out.append(f"{' and '.join(told)} {'are' if len(alone) > 1 else 'is'} not determined by these images.")
-    absent = posterior.lobes.amplitudes
-    if absent:
-        out.append(f"No lobe of {' and '.join(sorted(absent))} is seen: intervals are of one as wide as fits best.")
-    if not bars.holds and bars.kind == "fisher":
-        out.append("There are too few pixels for error bars that allow for the misfit of the model.")
-    if not capture.noise_given:
-        noise = capture.noise
-        out.append(f"Noise was estimated from the images: read {noise.read:.2g}, gain {noise.gain:.2g} of full scale.")
-    return out + _imprecise(parameters, precision)
+
+    samples: Samples
+    solution: Solution
+    idle: Mapping[int, str]
+
+    @property
+    def unread(self) -> int:
+        return unread_samples(self.samples, self.solution)
+
+    @property
+    def merged(self) -> int:
+        """Samples that others stand for."""
+        statistics = self.solution.statistics
+        return max(int(statistics.total("samples") - statistics.total("evaluated")), 0)
 
 
-def _channels(parameter: ParameterEstimate) -> str:
-    """Which channels of a parameter are not determined, where others are."""
-    values = parameter.value if isinstance(parameter.value, list) else []
-    lost = [str(channel) for channel, value in enumerate(values) if value is None]
-    return f" of channel {', '.join(lost)}" if 0 < len(lost) < len(values) else ""
+def _idle_images(done: Pass) -> Iterator[str]:
+    for image, reason in done.idle.items():
+        yield f"image {image} ({done.samples.capture.names[image]}): {reason}"
 
 
-def _odd_image(solution: Solution, samples: Samples) -> tuple[int, float] | None:
-    """The position of the one image without which the others are met far better, and χ² per value then; or None.
+def _copied_channels(done: Pass) -> Iterator[str]:
+    if done.samples.capture.copies:
+        yield f"{done.samples.capture.copies} channels: they are copies of the first in every image"
 
-    Without it every other unknown moves by a Gauss-Newton step.
-    """
-    images = solution.statistics.regrouped(samples.groups.image)
-    if len(images) < _FEW:
-        return None
-    total, slope = images.information, images.gradient
-    costs, values = images.column("cost"), images.column("values")
-    left = []
-    for image in range(len(images)):
-        information, gradient = total - images.informations[image], slope - images.gradients[image]
-        everything = torch.ones(len(total), dtype=torch.bool)
-        gain = float(gradient @ fisher(information, everything).matrix @ gradient)
-        left.append(float(costs.sum() - costs[image] - gain) / max(float(values.sum() - values[image]), 1.0))
-    best = min(range(len(left)), key=lambda image: left[image])
-    chi2 = float(costs.sum()) / max(float(values.sum()), 1.0)
-    return (int(images.labels[best]), left[best]) if left[best] < max(_MET, _SHARE * chi2) else None
+
+def _merged_pixels(done: Pass) -> Iterator[str]:
+    if done.merged:
+        yield (
+            f"shading of {done.merged:,} pixels: over smooth squares of 7×7 or 21×21 it is bilinear or biquadratic, "
+            "four or nine samples carry what all say"
+        )
+
+
+def _unread_samples(done: Pass) -> Iterator[str]:
+    if done.unread:
+        yield f"reading {done.unread:,} samples: the others give the precision asked for"
+
+
+def _shadow_rays(done: Pass) -> Iterator[str]:
+    surface = done.samples.capture.scene.surface
+    if surface.mesh is not None and surface.mesh.convex:
+        yield "shadow rays: the mesh is convex and cannot shadow itself"
+    elif surface.convex:
+        yield "shadow rays: a sphere cannot shadow itself"
+    elif surface.mesh is None:
+        yield "shadow rays: no mesh, cast shadows are unknown"
+
+
+def _ambient_light(done: Pass) -> Iterator[str]:
+    if not bool((done.samples.capture.scene.ambient > 0).any()):
+        yield "ambient light: there is none"
+
+
+def _colour(done: Pass) -> Iterator[str]:
+    scene, problem = done.samples.capture.scene, done.solution.problem
+    values = problem.values(done.solution.unknowns)
+    alike = all(values[name].numel() == 1 for name in problem.shaping)
+    lit_once = not bool((scene.ambient > 0).any()) and all(len(lights) == 1 for lights in scene.lights)
+    if alike and lit_once and scene.channels > 1:
+        yield "colour: each image has one light, shapes are evaluated once for all channels"
+
+
+def _second_body(done: Pass) -> Iterator[str]:
+    problem = done.solution.problem
+    for name in problem.held:
+        if name.endswith("diffuse") and isinstance(problem.brdf, Sum) and float(problem.held[name]) == 0:
+            yield f"{name}: another component is the diffuse one"
+
+
+# What was not computed, in the order in which it is told.
+WORK_SAVED: tuple[Callable[[Pass], Iterator[str]], ...] = (
+    _idle_images,
+    _copied_channels,
+    _merged_pixels,
+    _unread_samples,
+    _shadow_rays,
+    _ambient_light,
+    _colour,
+    _second_body,
+)
