@@ -6,25 +6,29 @@ import math
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from matest.brdf import Brdf
-from matest.capture import Capture
 from matest.errors import InputError
 from matest.estimation.options import AUTO, Options, Value
-from matest.estimation.remarks import message, skipped, unread_samples, warnings
+from matest.estimation.remarks import message, skipped, unread_samples
 from matest.estimation.result import Candidate, Estimate, Fit
 from matest.estimation.selection import select
 from matest.estimation.specification import Specification, freed, optics, specify
+from matest.estimation.warnings import Context, warnings
 from matest.estimators import Problem, Solution, Statistics, accumulate, fit
 from matest.estimators.covariance import fisher
 from matest.inference.posterior import judge, judge_to_first_order
-from matest.photographs.samples import PhotographSamples
 from matest.progress import Progress, silent
+from matest.samples.account import Account
 from matest.shading import render
+
+if TYPE_CHECKING:
+    from matest.capture import Capture
 
 # A parameter held by default is freed when its predicted relative error is below this.
 _WORTH_FREEING = 0.25
@@ -79,13 +83,13 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
     # Values that differ between channels belong to channels that do.
     differ = any(len({*value}) > 1 for value in options.fix.values() if not isinstance(value, int | float))
     samples = capture.photographs.samples(images, distinct=True, every_channel=differ, device=options.device)
-    if not samples.images:
+    if not samples.account.images:
         raise InputError(f"{capture.name}: the lights of every image are stated to give no light; correct irradiance.")
-    if samples.redundancy.channels:
+    if samples.account.redundancy.channels:
         fix = {name: _of_one_channel(value, capture.channels) for name, value in options.fix.items()}
         options = replace(options, fix=fix)
     if not len(samples):
-        raise InputError(_no_samples(capture, samples))
+        raise InputError(_no_samples(capture.name, samples.account))
     expression, candidates = options.model, list[Candidate]()
     if expression is None or options.automatic:
         expression, candidates = select(samples, options, progress)
@@ -107,7 +111,7 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
     posterior = judge(solution, samples)
     material = solution.problem.material(solution.unknowns)
     statistics = solution.statistics
-    measured = len(samples) - samples.skipped["saturated"]
+    measured = len(samples) - samples.account.skipped["saturated"]
     outcome = Fit(
         rmse=math.sqrt(statistics.total("squared_residual") / max(statistics.total("usable"), 1)),
         relative_rmse=statistics.relative_rmse,
@@ -140,7 +144,7 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         skipped=skipped(samples, solution, len(holdout), candidates),
         timing_s={**{stage: capture.timing.get(stage, 0.0) for stage in ("read", "geometry")}, "fit": fit_s},
         holdout=left_out,
-        warnings=warnings(samples, specification, solution, posterior, options.precision),
+        warnings=warnings(Context(samples, specification, solution, posterior, options.precision)),
     )
 
 
@@ -250,9 +254,9 @@ def _of_one_channel(value: Value, channels: int) -> Value:
     return value if isinstance(value, int | float) or len(value) != channels else value[0]
 
 
-def _no_samples(capture: Capture, samples: PhotographSamples) -> str:
-    counts = ", ".join(f"{count} {reason}" for reason, count in samples.skipped.items() if count)
+def _no_samples(name: str, account: Account) -> str:
+    counts = ", ".join(f"{count} {reason}" for reason, count in account.skipped.items() if count)
     return (
-        f"{capture.name}: no lit pixel is left to fit: of all pixels, {counts}. Check that the lights face the object "
+        f"{name}: no lit pixel is left to fit: of all pixels, {counts}. Check that the lights face the object "
         "(directions point from the surface to the light), the mask and encoding.saturation."
     )

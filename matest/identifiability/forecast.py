@@ -132,6 +132,8 @@ def forecast(samples: PhotographSamples, problem: Problem, unknowns: Tensor) -> 
         problem: what will be estimated; it may have more free parameters than the samples were predicted with.
         unknowns: u [P] of the problem.
     """
+    if problem.gauges:
+        problem = problem.limited(problem.limit_of_gauges(unknowns))
     tiles, weights = thinned(samples)
     statistics = accumulate(problem, unknowns, tiles, unknowns)
     positions = samples.groups.image[statistics.labels]

@@ -59,7 +59,7 @@ def _derived(
     for name, source in sources.items():
         if source in problem.where:
             relative[problem.where[source].start] += slopes[name] / value
-    error = error_of(expansion.information, relative)
+    error = error_of(expansion.precision, relative)
     if error is None or error > _LARGEST_RELATIVE_ERROR:
         return ParameterEstimate(None, None, None, quantity.unit, "not determined", quantity.doc)
     std = abs(value) * error * bars.largest_widening

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import torch
 from torch import Tensor
 
-from matest.estimators import Solution, at_bound, bounded_step
+from matest.estimators import Solution, Statistics, at_bound, bounded_step
 from matest.estimators.covariance import Covariance, correlation_of_residuals, fisher, jackknife
 from matest.inference.expansion import Expansion
 from matest.samples import Samples
@@ -72,10 +73,11 @@ def error_bars(solution: Solution, samples: Samples) -> ErrorBars:
     push = expansion.gradient.abs() / expansion.information.diagonal().clamp(min=1e-300).sqrt()
     # A valley that ends at a bound does not push: what lies along it is not determined there either.
     bound = at_bound(problem, solution.unknowns, statistics.gradient) & (push > _PUSHED)
-    closed, opened = fisher(expansion.information, ~bound), expansion.covariance
+    free = ~bound | expansion.gauges
+    closed, opened = fisher(expansion.precision, free), expansion.covariance
     values = max(statistics.total("values"), 1)
     chi2 = statistics.total("chi2") / max(statistics.total("values") - int((~bound).sum()), 1)
-    correlation, by_chance = correlation_of_residuals(statistics, closed)
+    correlation, by_chance = correlation_of_residuals(statistics, fisher(expansion.information, ~bound))
     allowed = (_HOLDS_STATED if samples.noise_stated else _HOLDS_ESTIMATED) + _CHI2_BY_CHANCE * math.sqrt(2 / values)
     holds = chi2 <= allowed and correlation <= max(_CORRELATED, 1 + _CORRELATION_BY_CHANCE * by_chance)
     by_image = statistics.regrouped(samples.groups.image)
@@ -83,17 +85,47 @@ def error_bars(solution: Solution, samples: Samples) -> ErrorBars:
     kind = "fisher"
     if not holds and len(clusters) >= _MIN_CLUSTERS:
         kind = "jackknife over images" if clusters is by_image else "jackknife over blocks"
-
-        def inside(information: Tensor, gradient: Tensor) -> Tensor:
-            return bounded_step(problem, solution.unknowns, information, gradient)
-
-        def anywhere(information: Tensor, gradient: Tensor) -> Tensor:
-            return fisher(information, torch.ones_like(bound)).matrix @ gradient
-
-        closed = jackknife(clusters, ~bound, inside)
-        opened = jackknife(clusters, torch.ones_like(bound), anywhere)
+        closed = _jackknife(expansion, clusters, free, inside=True)
+        opened = _jackknife(expansion, clusters, torch.ones_like(bound), inside=False)
     widening = (opened.std / expansion.covariance.std).nan_to_num(1.0, posinf=1.0)
     return ErrorBars(closed, opened, bound, widening, chi2, correlation, holds, kind)
+
+
+def _jackknife(expansion: Expansion, clusters: Statistics, free: Tensor, *, inside: bool) -> Covariance:
+    """Covariance from leaving out clusters.
+
+    That of the others at given gauges is as they scatter; what is not known of the gauges adds to it in proportion to
+    how the others move with them.
+
+    Args:
+        expansion: of χ².
+        clusters: what is left out in turn.
+        free: unknowns that are not at a bound [P].
+        inside: whether the others stay inside their domains.
+    """
+    problem, gauges = expansion.problem, expansion.gauges & free
+    pinned = {position: float(expansion.unknowns[position]) for position in gauges.nonzero()[:, 0].tolist()}
+    given = replace(problem, pinned={**problem.pinned, **pinned})
+
+    def step(information: Tensor, gradient: Tensor) -> Tensor:
+        return bounded_step(given, expansion.unknowns, information, gradient)
+
+    def anywhere(information: Tensor, gradient: Tensor, among: Tensor) -> Tensor:
+        return fisher(information, among).matrix @ gradient
+
+    others = free & ~gauges
+    scatter = jackknife(clusters, others, step if inside else partial(anywhere, among=others))
+    if not pinned:
+        return scatter
+    known = jackknife(clusters, free, partial(anywhere, among=free)).matrix[gauges][:, gauges]
+    everything = torch.ones(len(pinned), dtype=torch.bool)
+    told = fisher(known, everything).matrix + torch.diag(expansion.prior[gauges])
+    unsure = fisher(told, everything)
+    moves = -fisher(expansion.information, others).matrix @ expansion.information[:, gauges]
+    moves[gauges] = torch.eye(len(pinned), dtype=torch.float64)
+    undetermined = scatter.undetermined.clone()
+    undetermined[gauges] = unsure.undetermined
+    return Covariance(scatter.matrix + moves @ unsure.matrix @ moves.T, undetermined, scatter.degrees)
 
 
 def expected_error_bars(expansion: Expansion) -> ErrorBars:

@@ -61,5 +61,5 @@ def _differs_from_zero(expansion: Expansion, bars: ErrorBars, factor: Factor, pr
     beside = torch.zeros(problem.size, dtype=torch.bool)
     for name in {*problem.amplitudes} - others:
         beside[problem.where[name]] = True
-    std = (fisher(expansion.information, beside).std * bars.widening)[problem.where[source]]
+    std = (fisher(expansion.precision, beside).std * bars.widening)[problem.where[source]]
     return bool((value > _VISIBLE * std).any())

@@ -152,6 +152,9 @@ def _unknown(
     width = declared.domain.width if declared.periodic else domain.width
     scale = float(expansion.unknowns[place].max()) if math.isinf(width) else width
     largest = min(_KNOWS_NOTHING * scale, _FACTOR * value if declared.log else math.inf)
+    if expansion.prior[position] > 0:
+        # The domain is part of the error bar already.
+        largest = 1 / math.hypot(1 / largest, math.sqrt(expansion.prior[position]))
     interval = max(domain.lower, value - reach * std), min(domain.upper, value + reach * std)
     interval = intervals.ends.get(position, interval)
     if position in intervals.bent and position in intervals.ends:

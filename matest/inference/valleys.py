@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 
 import torch
 
 from matest.estimators import Solution, accumulate
-from matest.estimators.covariance import PARTICIPATES, fisher, quantile95, weak_directions
+from matest.estimators.covariance import PARTICIPATES, quantile95, weak_directions
 from matest.inference.error_bars import ErrorBars
 from matest.inference.expansion import Expansion
 from matest.inference.lobes import LobesNotSeen
@@ -49,11 +49,11 @@ class Valleys:
 
 def valleys(solution: Solution, bars: ErrorBars, lobes: LobesNotSeen, around: Around) -> Valleys:
     """The valleys about a solution; `around` gives the likelihood there."""
-    expansion = Expansion.of(solution)
+    expansion, flat = Expansion.of(solution), flat_at_bound(solution)
     return Valleys(
-        flat=flat_at_bound(solution),
+        flat=flat,
         bent=bent_valleys(expansion, around),
-        locked=locked_unknowns(expansion, bars, lobes, around),
+        locked=locked_unknowns(expansion, bars, lobes, around, flat),
     )
 
 
@@ -73,8 +73,7 @@ def flat_at_bound(solution: Solution) -> dict[int, float]:
         moved = solution.unknowns.clone()
         moved[place] = domain.lower + epsilon
         statistics = accumulate(problem, moved, solution.tiles, solution.unknowns, solution.residual_scale)
-        information = statistics.information / solution.statistics.inflation
-        covariance = fisher(information, torch.ones(problem.size, dtype=torch.bool))
+        covariance = Expansion.about(problem, moved, statistics, solution.statistics.inflation).covariance
         for position in range(place.start, place.stop):
             square = (float(solution.unknowns[position]) - domain.lower) ** 2
             spread = quantile95(math.inf) * 2 * epsilon * float(covariance.std[position])
@@ -91,12 +90,14 @@ def bent_valleys(expansion: Expansion, around: Around) -> frozenset[int]:
     """
     problem, covariance = expansion.problem, expansion.covariance
     width = problem.upper - problem.lower
-    directions = [*weak_directions(expansion.information)]
-    for position in ((covariance.std > _WIDE * width) & torch.isfinite(width)).nonzero()[:, 0].tolist():
+    directions = [*weak_directions(expansion.precision)]
+    wide = (covariance.std > _WIDE * width) & torch.isfinite(width) & ~expansion.gauges
+    for position in wide.nonzero()[:, 0].tolist():
         directions.append(torch.eye(problem.size, dtype=torch.float64)[position])
     bent: set[int] = set()
     for direction in directions:
-        position = int(direction.argmax())
+        # Of a gauge the domain says more than χ².
+        position = int((direction * ~expansion.gauges).argmax())
         value, std = float(expansion.unknowns[position]), float(covariance.std[position])
         reach, pull = quantile95(math.inf) * std, float(covariance.matrix[position] @ expansion.gradient)
         for aim in (value - reach, value + reach):
@@ -113,14 +114,24 @@ def bent_valleys(expansion: Expansion, around: Around) -> frozenset[int]:
     return frozenset(bent)
 
 
-def locked_unknowns(expansion: Expansion, bars: ErrorBars, lobes: LobesNotSeen, around: Around) -> frozenset[int]:
+def locked_unknowns(
+    expansion: Expansion,
+    bars: ErrorBars,
+    lobes: LobesNotSeen,
+    around: Around,
+    flat: Collection[int] = (),
+) -> frozenset[int]:
     """Positions of unknowns whose error bars hold only for the value of one without effect there, to first order.
 
     Of such a one the samples say nothing where it stands: of a conductor's k at 0, and n looks well known beside it.
+    One at a `flat` bound has an interval by its profile, which is wide enough for the others too; what a gauge may do
+    is part of all error bars.
     """
     problem = expansion.problem
     width, std = problem.upper - problem.lower, bars.covariance.std
     blind = (expansion.information.diagonal() * width.square() < 1) & torch.isfinite(width)
+    blind &= ~expansion.gauges
+    blind[[*flat]] = False
     for name in lobes.shapes:
         blind[problem.where[name]] = False
     locked: set[int] = set()

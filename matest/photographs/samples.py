@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -13,7 +14,9 @@ from matest.photographs.pilot import pilot
 from matest.photographs.pixels import BLOCKS, LitPixels
 from matest.photographs.tiles import ImageTiles
 from matest.samples import Batch, Groups, Tiles
+from matest.samples.account import Account
 from matest.samples.batch import join
+from matest.scene import Surface
 
 
 class PhotographSamples(LitPixels):
@@ -45,6 +48,27 @@ class PhotographSamples(LitPixels):
     def optics(self, quantity: Role) -> Tensor | None:
         """See `Scene.optics`."""
         return self.photographs.scene.optics(quantity)
+
+    @cached_property
+    def account(self) -> Account:
+        """What to tell people of these samples."""
+        photographs, scene = self.photographs, self.photographs.scene
+        sky = bool((scene.ambient > 0).any())
+        noise = photographs.noise
+        return Account(
+            names=photographs.names,
+            images=self.images,
+            counts=self.counts,
+            skipped=self.skipped,
+            redundancy=self.redundancy,
+            pixels=scene.surface.shape[0] * scene.surface.shape[1],
+            coverage=scene.surface.coverage,
+            one_light_each=not sky and all(len(lights) == 1 for lights in scene.lights),
+            geometry=[*_unneeded_shadows(scene.surface), *([] if sky else ["ambient light: there is none"])],
+            noise=""
+            if photographs.noise_stated
+            else f"Noise was estimated from the images: read {noise.read:.2g}, gain {noise.gain:.2g} of full scale.",
+        )
 
     def pilot(self, count: int, seed: int) -> list[Batch]:
         """About `count` samples, spread evenly over images and half angles; one batch, and one group, per image."""
@@ -79,3 +103,12 @@ class PhotographSamples(LitPixels):
                 if edges[position] < edges[position + 1]
             ]
             yield join([self.at(position, self.indices(position)[some]) for position, some in stretches])
+
+
+def _unneeded_shadows(surface: Surface) -> list[str]:
+    """Why no shadow rays were cast, as a clause; nothing where they were."""
+    if surface.mesh is not None and surface.mesh.convex:
+        return ["shadow rays: the mesh is convex and cannot shadow itself"]
+    if surface.convex:
+        return ["shadow rays: a sphere cannot shadow itself"]
+    return [] if surface.mesh is not None else ["shadow rays: no mesh, cast shadows are unknown"]

@@ -9,9 +9,12 @@ import torch
 from torch import Tensor
 
 from matest.brdf import CookTorrance
+from matest.estimators import Solution, Statistics
+from matest.estimators.moments import scores
 from matest.inference.error_bars import error_bars, expected_error_bars
 from matest.inference.expansion import Expansion
 from tests.inference.judged import judged, solved, source
+from tests.problems import problem
 from tests.simulated import Studio
 
 
@@ -110,3 +113,45 @@ def test_what_is_expected_of_samples_is_what_samples_that_hold_the_model_give() 
     expected, found = expected_error_bars(Expansion.of(solution)), error_bars(solution, source(6))
     assert torch.equal(expected.covariance.matrix, found.covariance.matrix)
     assert (expected.holds, expected.kind, expected.chi2) == (found.holds, found.kind, 1.0)
+
+
+def gauged(gauge: float, *, pushed: bool = False, weight: float = 1e-4, chi2: float = 4.0) -> Solution:
+    """Oren-Nayar's albedo, sigma and gauge, the last one known to 1 / sqrt(6 · weight) and moving with the albedo."""
+    columns = torch.tensor([[10.0, 0.0, weight**0.5 * 0.9], [0.0, 5.0, 0.0], [0.0, 0.0, weight**0.5]]).double()
+    informations = (columns.T @ columns).expand(6, 3, 3)
+    spread = 0.1 * chi2 * torch.tensor([3.0, -3.0, 2.0, -2.0, 1.0, -1.0]).double()
+    gradients = spread[:, None] * torch.tensor([10.0, 5.0, 0.0])
+    gradients = gradients + (torch.tensor([0.0, 0.0, weight**0.5]) if pushed else 0.0)
+    row = scores(cost=chi2 * 1e4, chi2=chi2 * 1e4, values=1e4, samples=1e4, squared_signal=1.0)
+    statistics = Statistics(torch.arange(6), informations, gradients, row.expand(6, -1))
+    relative = problem("oren-nayar", relative=True).limited(2.0)
+    return Solution(relative, torch.tensor([0.5, 0.3, gauge]).double(), statistics, 1, 0.0, True)
+
+
+@pytest.mark.parametrize("chi2", [1.0, 4.0])
+def test_a_gauge_enters_error_bars_alike_at_its_bound_and_near_it(chi2: float) -> None:
+    at, near = (
+        error_bars(gauged(2.0, pushed=True, chi2=chi2), source(6)),
+        error_bars(gauged(1.99, chi2=chi2), source(6)),
+    )
+    assert at.kind == near.kind
+    assert at.bound.tolist() == [False, False, True]
+    torch.testing.assert_close(at.covariance.std[:2], near.covariance.std[:2], rtol=0.02, atol=0)
+
+
+@pytest.mark.parametrize("chi2", [1.0, 4.0])
+def test_what_is_not_known_of_a_gauge_is_no_more_than_its_domain(chi2: float) -> None:
+    known, unknown = (error_bars(gauged(1.0, weight=w, chi2=chi2), source(6)).covariance.std for w in (1e-4, 1e-12))
+    # In the middle of a domain of width 2.
+    assert float(unknown[2]) == pytest.approx(2 / math.sqrt(12), rel=1e-6)
+    # Nothing hangs on a gauge without effect.
+    without = error_bars(gauged(1.0, weight=0.0, chi2=chi2), source(6))
+    torch.testing.assert_close(unknown[:2], without.covariance.std[:2], rtol=1e-4, atol=0)
+    assert without.covariance.undetermined.tolist() == [False, False, False]
+    assert float(known[0]) < 1.01 * float(unknown[0])
+
+
+def test_a_gauge_that_the_data_tell_enters_with_what_they_tell() -> None:
+    bars = error_bars(gauged(1.0, weight=1e6, chi2=1.0), source(6))
+    matrix = torch.linalg.inv(gauged(1.0, weight=1e6, chi2=1.0).statistics.information)
+    torch.testing.assert_close(bars.covariance.matrix, matrix, rtol=1e-5, atol=1e-15)

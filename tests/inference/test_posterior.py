@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from dataclasses import FrozenInstanceError
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -115,3 +116,26 @@ def test_whatever_fulfils_the_protocol_of_samples_can_be_judged() -> None:
 def test_inference_knows_no_files_and_no_photographs(file: Path) -> None:
     nodes = [node for node in ast.walk(ast.parse(file.read_text("utf-8"))) if isinstance(node, ast.ImportFrom)]
     assert not [node.module for node in nodes if str(node.module).startswith(("matest.capture", "matest.photographs"))]
+
+
+@cache
+def smooth(expression: str, seed: int, fixed: bool = False) -> ParameterEstimate:
+    """The albedo of a smooth surface under lights of unknown strength."""
+    capture = Studio(size=24, relative=True).photograph(OrenNayar(0.6, 0.0), seed)
+    found = judged(capture, expression, fix={"interreflection": 0.0} if fixed else {}).posterior.estimates
+    assert fixed or found["interreflection"].status == "not determined"
+    return found["albedo"]
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_a_gauge_without_effect_takes_nothing_from_an_albedo(seed: int) -> None:
+    # Two facets that face the same way send no light to each other: at sigma = 0 there is no second bounce.
+    albedo = smooth("oren-nayar-exact", seed)
+    assert albedo.status == "determined"
+    assert albedo.std == pytest.approx(smooth("oren-nayar-exact", seed, fixed=True).std, rel=0.3)
+
+
+def test_near_a_smooth_surface_error_bars_hang_little_on_where_a_gauge_ends() -> None:
+    # By chance sigma ends at 0 or a little above it, and the gauge at either end of its domain.
+    errors = [smooth("oren-nayar", seed).std for seed in (0, 4, 5, 7, 8)]
+    assert max(errors) < 2 * min(errors)

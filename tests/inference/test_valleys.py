@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import pytest
@@ -76,6 +77,22 @@ def test_what_moves_with_an_unknown_without_effect_is_locked(steepness: float, l
         locked_unknowns(Expansion.of(solution), bars, LobesNotSeen(), lambda: Surroundings(solution, evaluate))
         == locked
     )
+
+
+def test_an_unknown_at_a_flat_bound_has_a_profile_of_its_own_and_locks_nothing() -> None:
+    solution, evaluate = smooth(8.0)
+    bars = error_bars(solution, source(1))
+    around = lambda: Surroundings(solution, evaluate)  # noqa: E731
+    assert locked_unknowns(Expansion.of(solution), bars, LobesNotSeen(), around, flat={1: 0.1}) == frozenset()
+
+
+def test_a_gauge_without_effect_locks_nothing() -> None:
+    solution, evaluate = smooth(8.0)
+    gauge = problem("oren-nayar", relative=True, fix={"sigma": 0.3}).limited(1.5)
+    solution = replace(solution, problem=gauge)
+    bars = error_bars(solution, source(1))
+    around = lambda: Surroundings(solution, evaluate)  # noqa: E731
+    assert locked_unknowns(Expansion.of(solution), bars, LobesNotSeen(), around) == frozenset()
 
 
 def test_nothing_is_locked_where_everything_has_an_effect() -> None:

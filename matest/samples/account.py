@@ -1,0 +1,46 @@
+"""What samples tell of where they come from: names, counts, and what was left out of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from matest.samples.redundancy import Redundancy
+from matest.samples.source import Samples
+
+
+@dataclass(frozen=True)
+class Account:
+    """Where samples come from, for people to read.
+
+    Attributes:
+        names: of all images that there are.
+        images: number, among these, of each image that the samples are of.
+        counts: usable samples of each of them.
+        skipped: values left out, by reason.
+        redundancy: images and channels that add nothing to the others.
+        pixels: of one image, background included.
+        coverage: share of the mask that the geometry covers.
+        one_light_each: whether every image has one light, and no sky.
+        geometry: what did not have to be computed of light and shape, as clauses.
+        noise: how the noise was estimated, as a sentence; empty where it is stated.
+    """
+
+    names: Sequence[str] = ()
+    images: Sequence[int] = ()
+    counts: Sequence[int] = ()
+    skipped: dict[str, int] = field(default_factory=dict)
+    redundancy: Redundancy = field(default_factory=Redundancy)
+    pixels: int = 0
+    coverage: float = 1.0
+    one_light_each: bool = False
+    geometry: Sequence[str] = ()
+    noise: str = ""
+
+
+class AccountedSamples(Samples, Protocol):
+    """Samples that give an account of themselves: an estimate tells people of it."""
+
+    @property
+    def account(self) -> Account: ...
