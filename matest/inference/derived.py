@@ -52,7 +52,9 @@ def _derived(
         slope = abs(sum(slopes[name] for name in moving))
         std = None if estimate.std is None else slope * float(estimate.std)  # type: ignore[arg-type]
         # A function of one unknown takes the ends of its interval along.
-        at_ends = [values | {name: torch.as_tensor(end) for name in moving} for end in estimate.interval95]
+        at_ends = [
+            values | {name: torch.tensor(end, dtype=torch.float64) for name in moving} for end in estimate.interval95
+        ]
         ends = sorted(float(quantity.value(there)) for there in at_ends)
         return ParameterEstimate(value, std, ends, quantity.unit, estimate.status, quantity.doc)
     relative = torch.zeros(problem.size, dtype=torch.float64)
