@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 
-from matest.photographs.patches import Patches
+from matest.photographs.pixel_merging import PixelMerger
 from matest.photographs.pixels import LitPixels
 from matest.samples.batch import join
 from matest.samples.tiles import Tile
@@ -24,7 +24,7 @@ class ImageTiles:
     Attributes:
         pixels: that the samples are of.
         residual_scale: see `likelihood.about`.
-        merge: let a few samples stand for every smooth patch of pixels (`Patches`).
+        merge: let a few samples replace the pixels of a smooth square (`PixelMerger`).
     """
 
     pixels: LitPixels
@@ -32,13 +32,13 @@ class ImageTiles:
     merge: bool = True
 
     @cached_property
-    def patches(self) -> Patches:
-        return Patches(self.pixels, self.residual_scale, merge=self.merge)
+    def merger(self) -> PixelMerger:
+        return PixelMerger(self.pixels, self.residual_scale, merge=self.merge)
 
     def __iter__(self) -> Iterator[list[Callable[[], Tile]]]:
-        images, patches = range(len(self.pixels.images)), self.patches
-        tiles = [[partial(patches.tile, k, part) for part in range(patches.parts(k))] for k in images]
-        if not patches.layout.patches.size and len(self.pixels) < _TWO_TILES:
+        images, merger = range(len(self.pixels.images)), self.merger
+        tiles = [[partial(merger.tile, k, part) for part in range(merger.parts(k))] for k in images]
+        if not merger.squares.small.size and len(self.pixels) < _TWO_TILES:
             half = (len(images) + 1) // 2
             yield [partial(_joined, some) for some in (tiles[:half], tiles[half:]) if some]
             return

@@ -14,7 +14,7 @@ from matest.samples.batch import Batch
 from matest.samples.likelihood import LeastSquares, Means
 
 if TYPE_CHECKING:
-    from matest.samples.merging import Merged
+    from matest.samples.merging import MergedSquares
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class Tile:
 
     batch: Batch
     means: Means | None = None
-    merged: Merged | None = None
+    merged: MergedSquares | None = None
     least_squares: LeastSquares | None = None
     cache: dict[str, Any] | None = None
 

@@ -1,4 +1,4 @@
-"""Patches of pixels that four samples stand for."""
+"""Tiles in which a few samples replace the pixels of smooth squares."""
 
 from __future__ import annotations
 
@@ -12,22 +12,10 @@ from matest.brdf import CookTorrance, OrenNayar
 from matest.estimators import Problem, accumulate
 from matest.estimators.moments import SCORES
 from matest.photographs.noise import Noise
-from matest.photographs.patches import Patches
 from matest.photographs.photometry import Encoding
+from matest.photographs.pixel_merging import PixelMerger
 from matest.photographs.samples import PhotographSamples
-from matest.photographs.squares import (
-    NINE,
-    NODES,
-    PATCH,
-    PIXELS,
-    PROJECTION,
-    QUILT,
-    QUILT_SIDE,
-    SEW,
-    SHARE,
-    UNPICK,
-    by_rows,
-)
+from matest.photographs.smooth_squares import LARGE, SMALL, SMALL_PER_LARGE, SMALL_PIXELS
 from tests.problems import problem
 from tests.simulated import Studio, coloured
 
@@ -50,62 +38,11 @@ def truth(expression: str) -> tuple[Problem, torch.Tensor]:
     return chosen, torch.cat(parts).double()
 
 
-def test_the_four_of_a_patch_carry_its_bilinear_part() -> None:
-    rows, columns = np.meshgrid(np.arange(7) - 3.0, np.arange(7) - 3.0, indexing="ij")
-    plane = torch.from_numpy(2 + 0.5 * rows - 0.3 * columns + 0.1 * rows * columns).flatten()
-    torch.testing.assert_close(PROJECTION @ plane, plane[list(NODES)])
-
-
-def test_the_four_of_a_patch_are_independent_and_as_precise_as_twelve_pixels_and_a_quarter() -> None:
-    torch.testing.assert_close(PROJECTION @ PROJECTION.T, torch.eye(4, dtype=torch.float64) / SHARE)
-
-
-def test_quadratic_shading_keeps_its_mean() -> None:
-    rows, columns = np.meshgrid(np.arange(7) - 3.0, np.arange(7) - 3.0, indexing="ij")
-    curved = torch.from_numpy(rows**2 + 0.5 * columns**2 - columns).flatten()
-    torch.testing.assert_close((PROJECTION @ curved).mean(), curved.mean())
-    torch.testing.assert_close(PROJECTION @ curved, curved[list(NODES)])
-
-
-def _steps(places: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and columns, from the middle of a quilt."""
-    rows, columns = np.meshgrid(places, places, indexing="ij")
-    return rows.ravel().astype(float), columns.ravel().astype(float)
-
-
-def _biquadratic(rows: np.ndarray, columns: np.ndarray) -> torch.Tensor:
-    x, y = columns / 8, rows / 8
-    return torch.from_numpy(1 + 0.3 * x - 0.7 * y + 0.2 * x * y + 0.5 * x**2 - 0.4 * y**2 * x + 0.1 * x**2 * y**2)
-
-
-def test_the_nine_of_a_quilt_carry_its_biquadratic_part() -> None:
-    whole = _biquadratic(*_steps(tuple(range(-10, 11)))).reshape(3, 7, 3, 7)
-    patches = whole.permute(1, 3, 0, 2).reshape(PIXELS, NINE)
-    sewn = SEW @ by_rows((PROJECTION @ patches).reshape(4, NINE, 1))[..., 0]
-    torch.testing.assert_close(sewn, _biquadratic(*_steps((-8, 0, 8)))[:, None])
-    torch.testing.assert_close((UNPICK @ sewn)[:, 0], _biquadratic(*_steps((-9, -5, -2, 2, 5, 9))))
-    torch.testing.assert_close((QUILT.checks @ sewn)[:, 0], _biquadratic(*_steps((-4, 4))))
-
-
-def test_the_nine_of_a_quilt_are_as_precise_as_its_pixels() -> None:
-    rows, columns = _steps(tuple(range(-10, 11)))
-    down, across = _steps((-8, 0, 8))
-    assert float(QUILT.shares.sum()) == pytest.approx(QUILT_SIDE**2)
-    for powers in ((0, 0), (1, 0), (0, 1), (1, 1)):
-        every, own = ((y ** powers[0] * x ** powers[1]) ** 2 for y, x in ((rows, columns), (down, across)))
-        assert float((QUILT.shares.numpy() * own).sum()) == pytest.approx(every.sum())
-    for x, y in ((columns, across), (rows, down)):
-        # Parabolas about their mean: a little less, never more.
-        every = ((x**2 - (x**2).mean()) ** 2).sum()
-        own = float((QUILT.shares.numpy() * (y**2 - (x**2).mean()) ** 2).sum())
-        assert 0.93 * every < own < every
-
-
 def test_every_usable_pixel_counts_once() -> None:
     chosen = samples()
-    patches = Patches(chosen)
+    merger = PixelMerger(chosen)
     for position, count in enumerate(chosen.counts):
-        tiles = [patches.tile(position, part) for part in range(patches.parts(position))]
+        tiles = [merger.tile(position, part) for part in range(merger.parts(position))]
         assert sum(float(tile.means.pixels.sum()) for tile in tiles) == pytest.approx(count, rel=1e-6)
         assert all(len(tile.batch.groups) == len(tile) for tile in tiles)
         assert sum(len(tile) for tile in tiles) < count / 3
@@ -116,7 +53,7 @@ def test_blocks_of_pixels_keep_their_labels() -> None:
     merged, single = (accumulate(*truth("oren-nayar"), chosen.tiles(merge=merge), None) for merge in (True, False))
     assert torch.equal(merged.labels, single.labels)
     counts = [found.scores[:, SCORES.index("samples")].numpy() for found in (merged, single)]
-    # A quilt on the border of two blocks belongs to one of them.
+    # A large square on the border of two blocks belongs to one of them.
     np.testing.assert_allclose(*counts, atol=42 * SIZE / 4)
 
 
@@ -137,18 +74,19 @@ def test_merged_pixels_say_what_single_ones_do(expression: str) -> None:
     assert merged.total("squared_signal") == pytest.approx(single.total("squared_signal"), rel=1e-5)
 
 
-def test_a_spoilt_pixel_leaves_its_patch_single_and_those_around_it_to_themselves() -> None:
+def test_a_spoilt_pixel_leaves_its_small_square_single_and_the_others_of_the_large_one_merged() -> None:
     chosen = samples()
-    middle = Patches(chosen).layout.patches[:, NINE * (Patches(chosen).layout.quilts.shape[1] // 2)]
+    squares = PixelMerger(chosen).squares
+    middle = squares.small[:, SMALL_PER_LARGE * (squares.large.shape[1] // 2)]
     stored = [image.copy() for image in chosen.photographs.stored]
     stored[0][middle[5]] = 0.9 * stored[0].max()
     spoilt = replace(chosen.photographs, stored=tuple(stored)).samples(chosen.images)
-    before, after = (Patches(some).tile(0, 0) for some in (chosen, spoilt))
+    before, after = (PixelMerger(some).tile(0, 0) for some in (chosen, spoilt))
     assert after.merged is not None
     assert before.merged is not None
-    (quilts, patches), (fewer, more) = ([count for _, count in batch.merged.tiers] for batch in (before, after))
-    assert (fewer, more) == (quilts - 1, patches + 8)
-    assert len(after) - len(before) == PIXELS + 8 * PATCH.size - QUILT.size
+    (large, small), (fewer, more) = ([count for _, count in batch.merged.tiers] for batch in (before, after))
+    assert (fewer, more) == (large - 1, small + 8)
+    assert len(after) - len(before) == SMALL_PIXELS + 8 * SMALL.size - LARGE.size
 
 
 def test_saturated_pixels_stay_single() -> None:
@@ -157,10 +95,10 @@ def test_saturated_pixels_stay_single() -> None:
     stored = tuple(np.round(65535 * image.clip(0, 1)).astype(np.uint16) for image in 4 * np.stack(bright.stored))
     capture = replace(bright, stored=stored, encoding=Encoding(saturation=1.0), exposures=(4.0,) * len(stored))
     chosen = replace(capture, noise=Noise(0.008, 0.002)).samples()
-    patches = Patches(chosen)
+    merger = PixelMerger(chosen)
     clipped = 0
     for position in range(len(chosen.images)):
-        tile = patches.tile(position, 0)
+        tile = merger.tile(position, 0)
         assert tile.merged is not None
         if (of_tile := tile.batch.noise.clipped) is not None:
             assert not bool(of_tile[: sum(tier.size * count for tier, count in tile.merged.tiers)].any())
@@ -177,15 +115,15 @@ def test_creases_and_noisy_normals_are_not_smooth() -> None:
     creased = surface.normals.clone()
     creased[torch.from_numpy(columns > SIZE // 2)] = torch.tensor([0.6, 0.0, 0.8], dtype=torch.float64)
     for normals, smooth in ((noisy, False), (creased, True)):
-        bent = replace(surface, normals=normals / normals.norm(dim=-1)[:, None])
-        scene = replace(chosen.photographs.scene, surface=bent)
-        found = Patches(replace(chosen.photographs, scene=scene).samples(chosen.images))
-        assert bool(found.layout.patches.size) == smooth
-        across = columns[found.layout.patches]
+        rough = replace(surface, normals=normals / normals.norm(dim=-1)[:, None])
+        scene = replace(chosen.photographs.scene, surface=rough)
+        squares = PixelMerger(replace(chosen.photographs, scene=scene).samples(chosen.images)).squares
+        assert bool(squares.small.size) == smooth
+        across = columns[squares.small]
         assert not ((across <= SIZE // 2).any(0) & (across > SIZE // 2).any(0)).any()
 
 
 def test_small_surfaces_are_not_merged() -> None:
     chosen = Studio(size=64, lights=coloured()).photograph(MATERIALS["oren-nayar"], seed=0).samples()
-    assert not Patches(chosen).layout.patches.size
-    assert Patches(chosen).tile(0, 0).merged is None
+    assert not PixelMerger(chosen).squares.small.size
+    assert PixelMerger(chosen).tile(0, 0).merged is None
