@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol, Self
 
@@ -138,6 +139,35 @@ class PointLight:
 
     def to(self, dtype: torch.dtype, device: torch.device | str) -> PointLight:
         return PointLight(self.position.to(device, dtype), self.intensity.to(device, dtype), self.solid_angle)
+
+
+def sky_at(ambient: Tensor | None, index: slice | Tensor) -> Tensor | None:
+    """Light of the sky at some of n points [n or 1, C]; None where there is no sky."""
+    return ambient if ambient is None or len(ambient) == 1 else ambient[index]
+
+
+def sky_channels(ambient: Tensor | None) -> int:
+    """Channels of the light of a sky; 1 where there is none."""
+    return 1 if ambient is None else ambient.shape[-1]
+
+
+def joined_sky(parts: Sequence[Tensor | None], counts: Sequence[int], like: Tensor) -> Tensor | None:
+    """Light of the sky at several batches of points in a row [n, C]; None where none of them has a sky.
+
+    Args:
+        parts: of each batch [1 or n, C].
+        counts: points of each.
+        like: any tensor [..., C] of their channels, dtype and device.
+    """
+    if all(part is None for part in parts):
+        return None
+    shapes = [(count, like.shape[-1]) for count in counts]
+    return torch.cat(
+        [
+            like.new_zeros(shape) if part is None else part.expand(shape)
+            for part, shape in zip(parts, shapes, strict=True)
+        ]
+    )
 
 
 def unit_direction(direction: list[float], label: str) -> Tensor:

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from matest.directions import to_local
-from matest.scene.lights import Light
+from matest.scene.lights import Light, joined_sky, sky_at, sky_channels
 
 
 @dataclass(frozen=True)
@@ -31,9 +31,8 @@ class Points:
     def __getitem__(self, index: slice | Tensor) -> Points:
         """Some of the points of a batch [n, …]."""
         parts = (self.wi, self.wo, self.irradiance)
-        ambient = self.ambient if self.ambient is None or len(self.ambient) == 1 else self.ambient[index]
         wi, wo, irradiance = (part if len(part) == 1 else part[index] for part in parts)
-        return Points(wi, wo, irradiance, ambient)
+        return Points(wi, wo, irradiance, sky_at(self.ambient, index))
 
 
 def illuminate(
@@ -66,7 +65,7 @@ def illuminate(
     if blocked is not None:
         lit = [(toward, power * ~dark[:, None]) for (toward, power), dark in zip(lit, blocked, strict=True)]
     if not lit:
-        channels = 1 if ambient is None else ambient.shape[-1]
+        channels = sky_channels(ambient)
         return Points(
             normals.new_zeros(1, 0, 3), to_local(normals, view)[0], normals.new_zeros(1, 0, channels), ambient
         )
@@ -85,20 +84,12 @@ def join_points(parts: Sequence[Points], counts: Sequence[int]) -> Points:
     lights = max(part.wi.shape[-2] for part in parts)
     channels = max(part.irradiance.shape[-1] for part in parts)
     spread = [_spread(part, count, lights) for part, count in zip(parts, counts, strict=True)]
-    ambient = None
-    if any(part.ambient is not None for part in spread):
-        shapes = [(count, channels) for count in counts]
-        ambient = torch.cat(
-            [
-                part.irradiance.new_zeros(shape) if part.ambient is None else part.ambient.expand(shape)
-                for part, shape in zip(spread, shapes, strict=True)
-            ]
-        )
+    irradiance = torch.cat([part.irradiance.expand(-1, -1, channels) for part in spread])
     return Points(
         torch.cat([part.wi for part in spread]),
         torch.cat([part.wo for part in spread]),
-        torch.cat([part.irradiance.expand(-1, -1, channels) for part in spread]),
-        ambient,
+        irradiance,
+        joined_sky([part.ambient for part in parts], counts, irradiance),
     )
 
 
