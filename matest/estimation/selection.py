@@ -17,7 +17,7 @@ from matest.estimation.options import Options
 from matest.estimation.result import Candidate
 from matest.estimation.specification import specify
 from matest.estimators import Problem, fit_batches
-from matest.estimators.passes import predicted
+from matest.estimators.passes import predict_radiance
 from matest.progress import Progress, silent
 from matest.samples import Batch, Samples
 from matest.samples.likelihood import squared_errors
@@ -101,10 +101,10 @@ def select(samples: Samples, options: Options, progress: Progress = silent) -> t
             left = range(fold, len(parts), _FOLDS)
             solution = fit_batches(problem, [part for k, part in enumerate(parts) if k not in left])
             for k in left:
-                radiance = predicted(solution.problem, solution.unknowns, parts[k])
+                radiance = predict_radiance(solution.problem, solution.unknowns, parts[k])
                 errors[k] = _error(radiance, parts[k])
                 squares.append(_in_noise(radiance, parts[k]))
-                all_alike = predicted(solution.problem, solution.unknowns, even[k])
+                all_alike = predict_radiance(solution.problem, solution.unknowns, even[k])
                 sums += squared_errors(all_alike, even[k].radiance, even[k].noise)
         met = torch.cat(squares)
         relative_rmse = math.sqrt(sums[0] / sums[1]) if sums[1] > 0 else 0.0

@@ -85,7 +85,7 @@ class Basis:
 
 
 def _lead(points: Points) -> torch.Size:
-    # Not by torch, which would import sympy for it.
+    # NumPy's function: torch's would import sympy.
     return torch.Size(
         np.broadcast_shapes(points.wi.shape[:-1], (*points.wo.shape[:-1], 1), points.irradiance.shape[:-1])
     )
@@ -109,11 +109,13 @@ class TangentBasis(Basis):
         normal = torch.tensor([[0.0, 0.0, 1.0]], dtype=torch.float64)
         terms, by_name = self._terms(Directions(normal, normal), torch.Size([1]), normal)
         self.factors = [term.factors for term in terms]
-        # Derivatives that are not zero: parameter and term.
-        self._steep = [(name, k) for name, parts in by_name.items() for k, part in enumerate(parts) if part is not None]
+        # Parameter and term of every derivative of a shape that is not zero.
+        self._derivatives = [
+            (name, k) for name, parts in by_name.items() for k, part in enumerate(parts) if part is not None
+        ]
         amplitudes = torch.stack([product(self._values, factors).expand(problem.channels) for factors in self.factors])
-        still = amplitudes.new_zeros(len(self._steep), problem.channels)
-        self.coefficients = torch.cat([amplitudes, still]).T
+        no_radiance = amplitudes.new_zeros(len(self._derivatives), problem.channels)
+        self.coefficients = torch.cat([amplitudes, no_radiance]).T
         self.slopes = self.coefficients.new_zeros(*self.coefficients.shape, 0)
         if derivatives and problem.free:
             self.slopes = torch.stack([self._slope(name, amplitudes) for name in problem.free], dim=-1)
@@ -122,16 +124,16 @@ class TangentBasis(Basis):
         """Coefficients [C, K] of the derivative by a parameter."""
         problem = self._problem
         if name in problem.shapes:
-            steep = [amplitudes[k] * (shape == name) for shape, k in self._steep]
-            return torch.stack([*torch.zeros_like(amplitudes), *steep], dim=-1)
+            by_shape = [amplitudes[k] * (shape == name) for shape, k in self._derivatives]
+            return torch.stack([*torch.zeros_like(amplitudes), *by_shape], dim=-1)
         by_factor = [derivative(self._values, problem.ties, factors, name) for factors in self.factors]
         rows = [torch.as_tensor(d).to(amplitudes).expand(problem.channels) for d in by_factor]
-        return torch.stack([*rows, *amplitudes.new_zeros(len(self._steep), problem.channels)], dim=-1)
+        return torch.stack([*rows, *amplitudes.new_zeros(len(self._derivatives), problem.channels)], dim=-1)
 
     def _shapes(self, directions: Directions, lead: torch.Size, like: Tensor) -> list[Tensor]:
         terms, slopes = self._terms(directions, lead, like)
-        steep = [slopes[name][k] for name, k in self._steep]
-        shapes = [*(term.shape for term in terms), *(slope for slope in steep if slope is not None)]
+        derivatives = [slopes[name][k] for name, k in self._derivatives]
+        shapes = [*(term.shape for term in terms), *(slope for slope in derivatives if slope is not None)]
         # A derivative has the size of its own copy of the parameter; a shape may be smaller.
         return [shape.expand(*lead, shape.shape[-1]) for shape in shapes]
 
@@ -154,19 +156,19 @@ class TangentBasis(Basis):
             terms = problem.brdf.replace(values).terms(directions)
             slopes: dict[str, list[Tensor | None]] = {name: [] for name in leaves}
             for term in terms if leaves else ():
-                found: tuple[Tensor | None, ...] = (None,) * len(leaves)
+                by_leaf: tuple[Tensor | None, ...] = (None,) * len(leaves)
                 if term.shape.requires_grad:
-                    found = torch.autograd.grad(
+                    by_leaf = torch.autograd.grad(
                         term.shape.sum(), list(leaves.values()), retain_graph=True, allow_unused=True
                     )
-                for name, slope in zip(leaves, found, strict=True):
+                for name, slope in zip(leaves, by_leaf, strict=True):
                     slopes[name].append(slope)
         return tuple(Term(term.factors, term.shape.detach()) for term in terms), slopes
 
 
 @dataclass(frozen=True)
 class Coefficients:
-    """The weights of the columns of a model that separates, at some unknowns.
+    """The weights of all columns of a model that separates, at some unknowns.
 
     Attributes:
         total: of the K columns of all terms, one after another, in the radiance [C, K].
@@ -177,7 +179,7 @@ class Coefficients:
     slopes: Tensor
 
 
-class _KeptShapes(NamedTuple):
+class _CachedShapes(NamedTuple):
     """Shapes, and the model and its held values that they belong to."""
 
     brdf: Brdf
@@ -210,13 +212,13 @@ class SeparatedBasis(Basis):
         return shapes
 
     def _lit_shapes(self, tile: Tile) -> list[Tensor]:
-        """All shapes of every light, kept for the next pass where the samples are."""
-        kept = (tile.cache or {}).get("shapes")
-        if kept is not None and kept.brdf is self._problem.brdf and kept.held is self._problem.held:
-            return kept.shapes
+        """All shapes at every light, cached for the next pass where the samples stay in memory."""
+        cached = (tile.cache or {}).get("shapes")
+        if cached is not None and cached.brdf is self._problem.brdf and cached.held is self._problem.held:
+            return cached.shapes
         shapes = super()._lit_shapes(tile)
         if tile.cache is not None:
-            tile.cache["shapes"] = _KeptShapes(self._problem.brdf, self._problem.held, shapes)
+            tile.cache["shapes"] = _CachedShapes(self._problem.brdf, self._problem.held, shapes)
         return shapes
 
 
@@ -225,12 +227,12 @@ class NodesBasis(Basis):
 
     def __init__(self, problem: Problem, points: Sequence[Tensor]) -> None:
         super().__init__(problem, None)
-        every = [problem.values(unknowns) for unknowns in points]
-        self._values = dict(every[0])
+        node_values = [problem.values(unknowns) for unknowns in points]
+        self._values = dict(node_values[0])
         for name in problem.shaping:
             if problem.ties.get(name, name) in problem.shapes:
                 # One value, or one a channel.
-                self._values[name] = torch.stack([values[name].reshape(1, 1, -1) for values in every])
+                self._values[name] = torch.stack([values[name].reshape(1, 1, -1) for values in node_values])
         self._count = len(points)
 
     def _shapes(self, directions: Directions, lead: torch.Size, like: Tensor) -> list[Tensor]:

@@ -1,4 +1,4 @@
-"""What light makes of the shapes of a model: columns whose weighted sum is the radiance of every sample."""
+"""Columns: the radiance that lights give through each shape of a model; their weighted sum is that of every sample."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from torch import Tensor
 from matest.scene import Points
 from matest.shading import sky_light
 
-# Lights have one colour where their channels differ by one factor to so many roundings.
-_ROUNDINGS = 4
+# Units of rounding. Lights have one colour if their channels differ by a common factor up to so many: the irradiances
+# of a colour are products of two or three numbers.
+_COLOUR_TOLERANCE = 4
 
 
 @dataclass(frozen=True)
@@ -20,7 +21,7 @@ class Columns:
     """Radiance of n samples at unit coefficient of each of K shapes.
 
     Attributes:
-        values: [G, K, n]; a single group where channels differ by no more than `tint`, otherwise one a channel.
+        values: [G, K, n]; G is 1 where channels differ by no more than `tint`, otherwise C.
         tint: factor of every channel [C].
     """
 
@@ -29,9 +30,9 @@ class Columns:
 
     def radiance(self, coefficients: Tensor) -> Tensor:
         """Radiance [n, C] for coefficients [C, K]."""
-        return self.mixed(coefficients[:, None])[0]
+        return self.sums(coefficients[:, None])[0]
 
-    def mixed(self, coefficients: Tensor) -> Tensor:
+    def sums(self, coefficients: Tensor) -> Tensor:
         """Several weighted sums [Q, n, C] for coefficients [C, Q, K]."""
         weights = coefficients.to(self.values) * self.tint[:, None, None]
         return (weights @ self.values).permute(1, 2, 0).contiguous()
@@ -48,10 +49,10 @@ def light_columns(
 
     Args:
         points: geometry and light.
-        shapes: each [n, L, 1 or C], of every light; or, without coefficients, several sets [S, n, L, 1 or C], whose
+        shapes: each [n, L, 1 or C], for every light; or, without coefficients, S sets of them [S, n, L, 1 or C], whose
             columns follow each other as those of S n samples.
-        sky: gives each shape integrated over an even sky, [33, 1 or C] or [S, 33, 1 or C]; asked where there is one.
-        coefficients: of the shapes [C, K]; light whose reflectance is below zero gives nothing. None: all counts.
+        sky: gives each shape integrated over an even sky, [33, 1 or C] or [S, 33, 1 or C]; called where there is one.
+        coefficients: of the shapes [C, K]; a light whose reflectance is below zero adds nothing. None: all lights add.
         channels: C.
     """
     from_sky = sky_light(points, sky)
@@ -90,5 +91,5 @@ def _tint(irradiance: Tensor, channels: int) -> Tensor | None:
     if not brightest[0] > 0:
         return None
     tint = brightest / brightest[0]
-    tolerance = _ROUNDINGS * torch.finfo(tint.dtype).eps
+    tolerance = _COLOUR_TOLERANCE * torch.finfo(tint.dtype).eps
     return tint if torch.allclose(rows[:, :1] * tint, rows, rtol=tolerance, atol=0) else None

@@ -11,11 +11,19 @@ from torch import Tensor
 
 from matest.estimators.statistics import Statistics
 
-# Eigenvalues of the scaled information below this belong to directions that the data do not determine: rounding of
-# shading in single precision makes up 1e-7. Below the second they hardly do.
-_SINGULAR, _WEAK = 2e-7, 1e-3
-# A parameter takes part in such a direction if it makes up more than this of it.
+# Eigenvalue of the scaled information. The data do not determine a direction with a smaller one: shading in single
+# precision gives such a direction 1e-7 by rounding.
+_NULL_EIGENVALUE = 2e-7
+# Eigenvalue of the scaled information. The data hardly determine a direction with a smaller one: it makes standard
+# errors thirty times those of uncorrelated parameters.
+_WEAK_EIGENVALUE = 1e-3
+# Component of a unit vector. A parameter takes part in a direction if its component is larger; smaller ones are mostly
+# rounding and the weak correlation of all parameters.
 PARTICIPATES = 0.1
+# Share of the largest diagonal element of the information. A smaller element is rounding.
+_ROUNDING_INFORMATION = 1e-30
+# Smallest number whose inverse root is finite in double precision, with a margin.
+_TINY = 1e-300
 
 
 @dataclass(frozen=True)
@@ -50,57 +58,56 @@ def fisher(information: Tensor, free: Tensor) -> Covariance:
     index = free.nonzero()[:, 0]
     if len(index):
         inside = information[index][:, index]
-        scale, told = _units(inside)
-        values, vectors, lost = _spectrum(inside, scale)
-        undetermined[index] = (vectors[:, lost].abs() > PARTICIPATES).any(1) | ~told
-        kept = vectors[:, ~lost] / values[~lost].sqrt()
-        inverse[index[:, None], index[None, :]] = (kept @ kept.T) * scale[:, None] * scale[None, :]
-        lose = undetermined.nonzero()[:, 0]
-        inverse[lose] = 0
-        inverse[:, lose] = 0
+        scale, informed = _units(inside)
+        values, vectors, null = _spectrum(inside, scale)
+        undetermined[index] = (vectors[:, null].abs() > PARTICIPATES).any(1) | ~informed
+        root = vectors[:, ~null] / values[~null].sqrt()
+        inverse[index[:, None], index[None, :]] = (root @ root.T) * scale[:, None] * scale[None, :]
+        inverse[undetermined] = 0
+        inverse[:, undetermined] = 0
     return Covariance(inverse, undetermined)
 
 
 def _units(information: Tensor) -> tuple[Tensor, Tensor]:
-    """1/√ of the diagonal [P], and of which unknowns the data say anything.
+    """1/√ of the diagonal [P], and for which unknowns the data hold any information [P].
 
-    It is 0 for the others, whose rows rounding alone may have filled.
+    The first is 0 for unknowns without: their rows may be filled by rounding alone.
     """
     diagonal = information.diagonal()
-    told = diagonal > 1e-30 * diagonal.abs().max()
-    return torch.where(told, diagonal.clamp(min=1e-300).rsqrt(), 0.0), told
+    informed = diagonal > _ROUNDING_INFORMATION * diagonal.abs().max()
+    return torch.where(informed, diagonal.clamp(min=_TINY).rsqrt(), 0.0), informed
 
 
 def _spectrum(information: Tensor, scale: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """Eigenvalues and vectors of the scaled information, and which of them the data do not determine."""
     values, vectors = torch.linalg.eigh(information * scale[:, None] * scale[None, :])
-    return values, vectors, values < _SINGULAR
+    return values, vectors, values < _NULL_EIGENVALUE
 
 
 def weak_directions(information: Tensor) -> Iterator[Tensor]:
-    """Directions that the data hardly determine: how much of each every unknown makes up, 0 to 1 [P].
+    """Directions that the data hardly determine: of each the absolute components, 0 to 1, by unknown [P].
 
     Args:
         information: JᵀWJ [P, P].
     """
     scale, _ = _units(information)
-    values, vectors, lost = _spectrum(information, scale)
-    for k in (~lost & (values < _WEAK)).nonzero()[:, 0].tolist():
+    values, vectors, null = _spectrum(information, scale)
+    for k in (~null & (values < _WEAK_EIGENVALUE)).nonzero()[:, 0].tolist():
         yield vectors[:, k].abs()
 
 
 def error_of(information: Tensor, direction: Tensor) -> float | None:
-    """Standard error of the combination `direction` · u of unknowns with JᵀWJ `information`; None if it is not seen.
+    """Standard error of the combination `direction` · u, with JᵀWJ `information`; None if it is not determined.
 
     A combination may be well determined though none of its unknowns is.
     """
     scale, _ = _units(information)
-    values, vectors, lost = _spectrum(information, scale)
-    # In units of the scaled unknowns; one that nothing is known of takes part as it is.
-    along = vectors.T @ torch.where(scale > 0, direction * scale, direction)
-    if float(along[lost].norm()) > PARTICIPATES * float(along.norm()):
+    values, vectors, null = _spectrum(information, scale)
+    # In units of the scaled unknowns; an unknown without information has no scale, and keeps its own unit.
+    components = vectors.T @ torch.where(scale > 0, direction * scale, direction)
+    if float(components[null].norm()) > PARTICIPATES * float(components.norm()):
         return None
-    return float((along[~lost].square() / values[~lost]).sum()) ** 0.5
+    return float((components[~null].square() / values[~null]).sum()) ** 0.5
 
 
 def jackknife(
@@ -113,31 +120,31 @@ def jackknife(
     Args:
         clusters: of correlated samples, at the solution, where gradients add up to (almost) zero.
         free: parameters not at a bound [P].
-        resolve: change of the parameters for given JᵀWJ and JᵀWr, inside their bounds.
+        resolve: gives the change of the parameters, inside their bounds, for a JᵀWJ and a JᵀWr.
     """
-    total, slope = clusters.information, clusters.gradient
-    reference = fisher(total, free)
-    moved = torch.stack(
+    information, gradient = clusters.information, clusters.gradient
+    reference = fisher(information, free)
+    changes = torch.stack(
         [
-            resolve(total - cluster.information, slope - cluster.gradient)
+            resolve(information - cluster.information, gradient - cluster.gradient)
             for cluster in (clusters.only(position) for position in range(len(clusters)))
         ]
     )
-    moved = moved - moved.mean(0)
-    count = len(moved)
-    matrix = (count - 1) / count * moved.T @ moved
-    lose = (reference.undetermined | ~free).nonzero()[:, 0]
-    matrix[lose] = 0
-    matrix[:, lose] = 0
+    changes = changes - changes.mean(0)
+    count = len(changes)
+    matrix = (count - 1) / count * changes.T @ changes
+    without_error = reference.undetermined | ~free
+    matrix[without_error] = 0
+    matrix[:, without_error] = 0
     return Covariance(matrix, reference.undetermined, degrees=count - 1)
 
 
 def correlation_of_residuals(groups: Statistics, covariance: Covariance) -> tuple[float, float]:
-    """How much more the scores JᵀWr of clusters scatter than independent residuals would: 1 if the model holds.
+    """How much more the scores JᵀWr of clusters scatter than those of independent residuals: 1 if the model holds.
 
-    The mean over parameters of gᵀ A⁻¹ g summed over clusters, A the information: residuals may be as small as the
-    noise and yet lean the same way over whole regions, which moves estimates far more than noise does (the idea of
-    White's information matrix test, 1982).
+    It is Σ gᵀ A⁻¹ g over the clusters, divided by the number of parameters; A is the information. Residuals may be as
+    small as the noise and yet have one sign over whole regions, which moves estimates far more than noise does (the
+    idea of White's information matrix test, 1982).
 
     Args:
         groups: of samples, at the solution.
@@ -151,9 +158,9 @@ def correlation_of_residuals(groups: Statistics, covariance: Covariance) -> tupl
     if groups.places is not None:
         matrix = covariance.matrix[groups.places[:, :, None], groups.places[:, None, :]]
     shares = groups.informations / groups.inflation @ matrix
-    by_chance = math.sqrt(2 * float((shares * shares.mT).sum()))
+    chance_std = math.sqrt(2 * float((shares * shares.mT).sum()))
     scatter = float((gradients[:, None] @ matrix @ gradients[..., None]).sum())
-    return scatter / rank, by_chance / rank
+    return scatter / rank, chance_std / rank
 
 
 def quantile95(degrees: float) -> float:

@@ -1,117 +1,33 @@
-"""One uniform material: pilot, global search, Levenberg-Marquardt, then all samples."""
+"""One uniform material: the optimum on a pilot of the samples, then one or a few passes over all of them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 
-import torch
 from torch import Tensor
 
 from matest.estimators.covariance import fisher
-from matest.estimators.levenberg_marquardt import Solution, at_bound, minimise
-from matest.estimators.one_step import CLOSE, settled, single_step
+from matest.estimators.levenberg_marquardt import MAX_PASSES, Solution, at_bound, minimise
+from matest.estimators.one_step import END_TOLERANCE, single_step
 from matest.estimators.passes import passes_over
-from matest.estimators.starts import (
-    ALIKE,
-    apart,
-    at_ends,
-    distance,
-    doubtful,
-    first_guesses,
-    implausibility,
-    most_plausible,
-    thinned,
-)
+from matest.estimators.pilot import fit_batches
 from matest.estimators.unknowns import Problem
 from matest.progress import Progress, silent
-from matest.samples import Batch, Samples, Tile
-from matest.samples.batch import join
-from matest.samples.tiles import in_memory
-from matest.workers import single_threaded_torch
+from matest.samples import Samples
 
-_PILOT = 24_000
-# Expansions of the likelihood about the last optimum, until they move it by less than so many standard errors.
-_EXPANSIONS, _SETTLED = 40, 0.05
-# One that comes this close to the end of another on its way is left.
-_SAME = 0.2
-# Steps that are taken without being looked at: so many standard errors, or this share of what the last expansion moved,
-# up to one standard error. Were it all of it, such steps could go round in circles.
-_CLOSE, _FREE = 0.01, 0.5
-# With more outliers than this the search is repeated, at most so many times, with less weight for all that lies far
-# from the best solution so far. What it finds closer to that than so many standard errors is the same.
-_SPOILT, _SECOND_THOUGHTS, _ELSEWHERE = 0.001, 3, 10.0
-# Where a precision is asked for, subsamples grow, with some to spare and not by more than a factor, until they give it,
-# or a walk over all samples costs no more.
-_FIRST, _SPARE, _LEAP, _SUBSAMPLE = 6_000, 1.2, 100.0, 0.04
-# χ² per value of a subsample that the model describes, its noise perhaps estimated from the photographs.
-_DESCRIBED = 1.1
-_GAUGE_ROUNDS = 6
-# Subsamples with fewer samples times lights are worked on in one tile.
-_ONE_TILE = 10_000
-_PASSES = 60
-
-
-@single_threaded_torch()
-def fit_batches(problem: Problem, batches: list[Batch], start: Tensor | None = None) -> Solution:
-    """The optimum on a few thousand samples held in memory.
-
-    Args:
-        problem: what is estimated.
-        batches: the samples.
-        start: u [P] near the optimum; None: searched for globally, no initial guess is needed.
-    """
-    # Few large tiles: every call costs as much as a thousand samples.
-    size = sum(len(batch) * batch.points.wi.shape[-2] for batch in batches)
-    half = len(batches) if size < _ONE_TILE else (len(batches) + 1) // 2
-    tiles = [Tile(join(group), cache={}) for group in (batches[:half], batches[half:]) if group]
-
-    def descend(problem: Problem, start: Tensor, reference: Tensor, tolerance: float) -> Solution:
-        residual_scale, expanded = settled(problem, tiles, reference)
-        evaluate = passes_over(problem, in_memory(expanded), start, None, residual_scale)
-        found = minimise(problem, start, evaluate, passes=_PASSES, tolerance=tolerance)
-        return replace(found, residual_scale=residual_scale)
-
-    def settle(guesses: Sequence[Solution]) -> list[Solution]:
-        """The distinct optima that guesses lead to."""
-        optima: list[Solution] = []
-
-        def known(found: Solution) -> bool:
-            return any(apart(other, found) < _SAME and at_ends(other) <= at_ends(found) for other in optima)
-
-        for found in guesses:
-            moved = 1.0
-            for _ in range(_EXPANSIONS):
-                # The next expansion moves the optimum again: no use in knowing this one much better than that.
-                tolerance = min(max(_FREE * moved, _CLOSE), 1.0)
-                before, found = found, descend(found.problem, found.unknowns, found.unknowns, tolerance)
-                moved = distance(found, before)
-                if moved < _SETTLED or known(found):
-                    break
-            if not known(found):
-                optima.append(found)
-        return optima
-
-    best = most_plausible(settle(first_guesses(problem, batches, start)))
-    for _ in range(_SECOND_THOUGHTS if start is None and best.statistics.outliers > _SPOILT else 0):
-        # Outliers had bent the first guess: once they are known for what they are, the search may end elsewhere.
-        before = best
-        again = first_guesses(best.problem, [doubtful(best, thinned(batches))], None)
-        best = most_plausible([before, *settle([guess for guess in again if apart(before, guess) > _ELSEWHERE])])
-        if implausibility(best) > implausibility(before) - ALIKE * before.residual_scale**2:
-            break
-    for _ in range(_GAUGE_ROUNDS if problem.gauges else 0):
-        # The limit was taken from a fit without the second bounce, which makes albedos too bright and it too low.
-        limit = best.problem.limit_of_gauges(best.unknowns)
-        if abs(limit / best.problem.light_scale_limit - 1) < 1e-6:
-            break
-        wider = best.problem.limited(limit)
-        best = descend(wider, torch.minimum(best.unknowns, wider.upper), best.unknowns, _CLOSE)
-    ordered = best.problem.ordered(best.unknowns)
-    if not torch.equal(ordered, best.unknowns):
-        best = descend(best.problem, ordered, ordered, _CLOSE)
-    return replace(best, tiles=in_memory(tiles))
+# Samples of the pilot: its own error is then small enough for one Gauss-Newton step to reach the optimum of all.
+_PILOT_SAMPLES = 24_000
+# Samples of the first subsample where a precision is asked for: few, since many captures need no more.
+_FIRST_SUBSAMPLE = 6_000
+# The next subsample has this many times the samples that the error bars ask for, lest they just miss the precision.
+_SAMPLE_MARGIN = 1.2
+# A subsample is at most this many times the one before: error bars from few samples are themselves uncertain.
+_MAX_GROWTH = 100.0
+# Above this share of all samples a subsample costs no less than a pass over all of them.
+_MAX_SUBSAMPLE_SHARE = 0.04
+# χ² per value of a subsample that the model describes, with room for noise that was estimated from the photographs.
+_DESCRIBED_CHI2 = 1.1
 
 
 def fit(
@@ -125,8 +41,7 @@ def fit(
     """The maximum-likelihood estimate from all samples: from the pilot's optimum, passes over everything.
 
     From there one Gauss-Newton step has the full efficiency; where it might not, a second pass follows. The likelihood
-    stays expanded about the pilot's optimum: that need not be exact, and makes its cost one that passes can be compared
-    by.
+    stays expanded about the pilot's optimum. That need not be exact, and all passes minimise the same cost.
 
     Args:
         problem: what is estimated.
@@ -138,42 +53,61 @@ def fit(
             model describes it: otherwise errors do not fall with the number of samples.
     """
     progress("searching")
-    drawn = _FIRST if precision > 0 else _PILOT
-    found = fit_batches(problem, samples.pilot(drawn, seed), start)
-    while (enough := _described(found)) and (error := largest_relative_std(found)) > precision > 0:
-        # Errors fall with the root of the number of samples.
-        wanted = math.ceil(min(_SPARE * (error / precision) ** 2, _LEAP) * drawn)
-        if wanted > _SUBSAMPLE * len(samples):
-            break
-        drawn = wanted
-        found = fit_batches(found.problem, samples.pilot(drawn, seed), found.unknowns)
-    if not enough or error > precision:
-        if drawn < _PILOT:
-            # As without a precision: where the model does not hold, what is an outlier hangs on the pilot.
-            found = fit_batches(problem, samples.pilot(_PILOT, seed), start)
+    count = _FIRST_SUBSAMPLE if precision > 0 else _PILOT_SAMPLES
+    solution = fit_batches(problem, samples.pilot(count, seed), start)
+    if precision > 0:
+        solution, count = _grow_subsample(solution, count, samples, seed, precision)
+    if precision <= 0 or not _is_described(solution) or _largest_relative_std(solution) > precision:
+        if count < _PILOT_SAMPLES:
+            # Where the model does not hold, outliers depend on the pilot: take the one that is used without precision.
+            solution = fit_batches(problem, samples.pilot(_PILOT_SAMPLES, seed), start)
         progress("refining over all samples")
-        reference, residual_scale = found.unknowns, found.residual_scale
-        tiles = samples.tiles(residual_scale)
-        evaluate = passes_over(found.problem, tiles, reference, reference, residual_scale)
-        first = evaluate(reference)
-        one_step = None if found.problem.separates else single_step(found, first)
-        found = one_step or minimise(found.problem, reference, evaluate, passes=_PASSES, tolerance=CLOSE, first=first)
-        found = replace(found, residual_scale=residual_scale, tiles=tiles)
-    return replace(found, unknowns=found.problem.wrapped(found.unknowns))
+        solution = _refine(solution, samples)
+    return replace(solution, unknowns=solution.problem.wrapped(solution.unknowns))
 
 
-def _described(found: Solution) -> bool:
+def _grow_subsample(
+    solution: Solution, count: int, samples: Samples, seed: int, precision: float
+) -> tuple[Solution, int]:
+    """Fit larger subsamples until they give the precision, and the number of samples drawn for the last.
+
+    It ends early where the model does not describe the samples, or where a pass over all of them costs no more.
+    """
+    while _is_described(solution) and (std := _largest_relative_std(solution)) > precision:
+        # Standard errors fall with the root of the number of samples.
+        next_count = math.ceil(min(_SAMPLE_MARGIN * (std / precision) ** 2, _MAX_GROWTH) * count)
+        if next_count > _MAX_SUBSAMPLE_SHARE * len(samples):
+            break
+        count = next_count
+        solution = fit_batches(solution.problem, samples.pilot(count, seed), solution.unknowns)
+    return solution, count
+
+
+def _refine(pilot: Solution, samples: Samples) -> Solution:
+    """The solution from all samples, starting from the pilot's."""
+    problem, reference, residual_scale = pilot.problem, pilot.unknowns, pilot.residual_scale
+    tiles = samples.tiles(residual_scale)
+    evaluate = passes_over(problem, tiles, reference, reference, residual_scale)
+    first = evaluate(reference)
+    one_step = None if problem.separates else single_step(pilot, first)
+    solution = one_step or minimise(
+        problem, reference, evaluate, passes=MAX_PASSES, tolerance=END_TOLERANCE, first=first
+    )
+    return replace(solution, residual_scale=residual_scale, tiles=tiles)
+
+
+def _is_described(solution: Solution) -> bool:
     """Whether the model describes a subsample to its noise."""
-    by_chance = math.sqrt(2 / max(found.statistics.total("values"), 1))
-    return found.statistics.reduced_chi2 < _DESCRIBED + 5 * by_chance
+    chance_std = math.sqrt(2 / max(solution.statistics.total("values"), 1))
+    return solution.statistics.reduced_chi2 < _DESCRIBED_CHI2 + 5 * chance_std
 
 
-def largest_relative_std(found: Solution) -> float:
+def _largest_relative_std(solution: Solution) -> float:
     """The largest relative standard error of the unknowns that are determined and not at a bound."""
-    problem, statistics = found.problem, found.statistics
-    free = ~at_bound(problem, found.unknowns, statistics.gradient)
+    problem, statistics = solution.problem, solution.statistics
+    free = ~at_bound(problem, solution.unknowns, statistics.gradient)
     covariance = fisher(statistics.information / statistics.inflation, free)
     counted = free & ~covariance.undetermined
     for name in problem.gauges:
         counted[problem.where[name]] = False
-    return float((covariance.std / found.unknowns.abs())[counted].max()) if bool(counted.any()) else math.inf
+    return float((covariance.std / solution.unknowns.abs())[counted].max()) if bool(counted.any()) else math.inf

@@ -13,14 +13,27 @@ from matest.estimators.statistics import Statistics
 from matest.estimators.unknowns import Problem
 from matest.samples import Tiles
 
-# A promised drop in χ² below this share of it drowns in single-precision rounding; where it does, the estimate counts
-# as converged if the step it comes from is no longer than so many standard errors.
-_ROUNDING = 1e-9
-# Moves by a smaller share of a domain are rounding.
-_ROUNDING_STEP = 1e-6
-_SHORT = 0.1
-# After a step that led nowhere the next may be short because it is damped: it has to be shorter than so many to end.
-_DAMPED = 0.01
+# Passes over the samples; a fit that takes more goes round in circles.
+MAX_PASSES = 60
+# Share of χ². A smaller expected drop is lost in the rounding of single precision.
+_ROUNDING_DROP = 1e-9
+# Share of the width of a domain. A smaller move of an unknown is rounding.
+_ROUNDING_MOVE = 1e-6
+# Standard errors. A fit that rounding ends counts as converged if its next step would be no longer.
+_CONVERGED_STEP = 0.1
+# Standard errors. After a step that did not lower χ² the next may be short only because it is damped: to end the fit it
+# has to be shorter than this.
+_DAMPED_TOLERANCE = 0.01
+# Damping that keeps the scaled normal equations regular: far above the rounding of double precision.
+_REGULARISATION = 1e-13
+# Damping at the start: hardly any, since starts lie near an optimum.
+_FIRST_DAMPING = 1e-6
+# Least damping after a step that did not lower χ².
+_RETRY_DAMPING = 1e-3
+# Active sets tried, as a multiple of the number of unknowns; far more than are ever needed.
+_MAX_ACTIVE_SETS = 4
+# Share of the width of a domain. An unknown this near an end lies on it, up to rounding.
+_BOUND_MARGIN = 1e-9
 
 
 @dataclass(frozen=True)
@@ -49,11 +62,11 @@ class Solution:
 
 
 def at_bound(problem: Problem, unknowns: Tensor, gradient: Tensor) -> Tensor:
-    """True for unknowns at an end of their domain that the data push outward (gradient = JᵀWr points downhill)."""
+    """True for unknowns [P] at an end of their domain that the data push outward (JᵀWr points downhill)."""
     lower, upper = problem.lower, problem.upper
     width = torch.where(torch.isfinite(upper), upper - lower, torch.ones_like(upper))
-    below = (unknowns <= lower + 1e-9 * width) & (gradient <= 0)
-    above = (unknowns >= upper - 1e-9 * width) & (gradient >= 0)
+    below = (unknowns <= lower + _BOUND_MARGIN * width) & (gradient <= 0)
+    above = (unknowns >= upper - _BOUND_MARGIN * width) & (gradient >= 0)
     return below | above
 
 
@@ -64,8 +77,8 @@ class _Step:
     Attributes:
         change: of the unknowns [P].
         slope: rate at which χ² falls along it at its start.
-        curvature: the Gauss-Newton model's second-order rise, so that χ² drops by slope − curvature.
-        length: in standard errors, jointly: a step along a direction the data hardly see is long but harmless.
+        curvature: second-order term of the Gauss-Newton model, so that χ² drops by slope − curvature.
+        length: in standard errors, jointly: short along a direction that is hardly determined.
     """
 
     change: Tensor
@@ -90,16 +103,18 @@ def bounded_step(
     root = information.diagonal().clamp(min=0).sqrt()
     scale = torch.where(informed, 1 / root, 0.0)
     # In units of standard errors without correlation: the damped matrix has diagonal 1 + damping.
-    scaled = information * scale[:, None] * scale[None, :] + (damping + 1e-13) * torch.eye(len(scale)).double()
+    scaled = (
+        information * scale[:, None] * scale[None, :] + (damping + _REGULARISATION) * torch.eye(len(scale)).double()
+    )
     position, slope = unknowns, gradient * scale
-    held = at_bound(problem, position, slope) | ~informed
-    for _ in range(4 * problem.size):
-        index = (~held).nonzero()[:, 0]
+    active = at_bound(problem, position, slope) | ~informed
+    for _ in range(_MAX_ACTIVE_SETS * problem.size):
+        index = (~active).nonzero()[:, 0]
         direction = torch.zeros_like(unknowns)
         if len(index):
-            solved = torch.linalg.lstsq(scaled[index][:, index], slope[index][:, None]).solution[:, 0]
-            direction[index] = solved * scale[index]
-        # As far as the first bound on the way, which that unknown then keeps.
+            step = torch.linalg.lstsq(scaled[index][:, index], slope[index][:, None]).solution[:, 0]
+            direction[index] = step * scale[index]
+        # Go no further than the first bound on the way; the unknown that meets it stays there.
         room = torch.where(direction > 0, problem.upper - position, problem.lower - position)
         share = torch.where(direction != 0, room / direction, math.inf).clamp(min=0)
         reach = float(share.min())
@@ -107,23 +122,29 @@ def bounded_step(
         position = torch.minimum(torch.maximum(position, problem.lower), problem.upper)
         slope = gradient * scale - scaled @ ((position - unknowns) * root)
         if reach < 1:
-            held[int(share.argmin())] = True
+            active[int(share.argmin())] = True
             continue
-        inward = held & informed & ~at_bound(problem, position, slope)
+        inward = active & informed & ~at_bound(problem, position, slope)
         if not bool(inward.any()):
             break
-        held[int((inward * slope.abs()).argmax())] = False
+        active[int((inward * slope.abs()).argmax())] = False
     return position - unknowns
 
 
-def seen(problem: Problem, unknowns: Tensor, change: Tensor, length: float) -> bool:
-    """Whether the data see where a step leads: it moves no unknown by its whole domain for every standard error.
+def step_is_visible(problem: Problem, unknowns: Tensor, change: Tensor, length: float) -> bool:
+    """Whether no unknown moves by more of its domain than the step has standard errors.
 
-    One that does goes along a direction in which the model is flat here, and may not be there.
+    A step that does so follows a direction in which the model is flat here; elsewhere the model may not be flat.
+
+    Args:
+        problem: gives the domains.
+        unknowns: u [P].
+        change: of u [P].
+        length: of the step, in standard errors.
     """
     width = problem.upper - problem.lower
     width = torch.where(torch.isfinite(width), width, 1 + unknowns.abs())
-    return bool((change.abs() <= max(length, _ROUNDING_STEP) * width).all())
+    return bool((change.abs() <= max(length, _ROUNDING_MOVE) * width).all())
 
 
 def minimise(
@@ -142,33 +163,35 @@ def minimise(
         start: u [P].
         evaluate: a pass over the samples: statistics at u with the same weights every time.
         passes: at most this many.
-        tolerance: stop when the next step promises to move u by less than this many standard errors (those of the
-            residuals found, which a misfit makes larger than the noise alone would).
+        tolerance: stop when the next step would move u by less than this many standard errors. These follow from the
+            residuals: a misfit makes them larger than the noise alone would.
         first: the statistics at the start, if a pass has given them already.
     """
     unknowns, statistics = start, evaluate(start) if first is None else first
-    damping, growth, share = 1e-6, 2.0, 1.0
+    damping, growth, share = _FIRST_DAMPING, 2.0, 1.0
     step = _step(problem, unknowns, statistics, damping)
     for iteration in range(1, passes):
-        if step.length < (tolerance if growth == 2.0 else min(tolerance, _DAMPED)):
-            # The step itself is free: where it leads, the next one would be shorter by its square.
+        was_rejected = growth > 2.0
+        if step.length < (min(tolerance, _DAMPED_TOLERANCE) if was_rejected else tolerance):
+            # The last step needs no pass: the one after it would be shorter by its square.
             change = share * step.change
-            if not seen(problem, unknowns, step.change, step.length):
+            if not step_is_visible(problem, unknowns, step.change, step.length):
                 change = torch.zeros_like(unknowns)
             return Solution(problem, unknowns + change, statistics, iteration, step.length, True)
         chi2 = statistics.cost
-        promise = share * step.slope - share**2 * step.curvature
+        expected_drop = share * step.slope - share**2 * step.curvature
         target = unknowns + share * step.change
-        tried = evaluate(target)
-        drop = chi2 - tried.cost
+        target_statistics = evaluate(target)
+        drop = chi2 - target_statistics.cost
         if drop > 0:
-            # Residuals of a model that does not hold bend χ² more than Gauss-Newton sees; the next step allows for it.
-            bend = (share * step.slope - drop) / (share**2 * step.curvature)
-            unknowns, statistics = target, tried
-            damping, growth, share = damping * max(0.1, 1 - (2 * drop / promise - 1) ** 3), 2.0, 1 / max(bend, 1.0)
-        elif promise < _ROUNDING * chi2:
-            return Solution(problem, unknowns, statistics, iteration + 1, step.length, step.length < _SHORT)
+            # Residuals of a model that does not hold curve χ² more than the Gauss-Newton model: shorten the next step.
+            curvature_ratio = (share * step.slope - drop) / (share**2 * step.curvature)
+            unknowns, statistics = target, target_statistics
+            damping *= max(0.1, 1 - (2 * drop / expected_drop - 1) ** 3)
+            growth, share = 2.0, 1 / max(curvature_ratio, 1.0)
+        elif expected_drop < _ROUNDING_DROP * chi2:
+            return Solution(problem, unknowns, statistics, iteration + 1, step.length, step.length < _CONVERGED_STEP)
         else:
-            damping, growth, share = max(damping, 1e-3) * growth, growth * 2, 1.0
+            damping, growth, share = max(damping, _RETRY_DAMPING) * growth, growth * 2, 1.0
         step = _step(problem, unknowns, statistics, damping)
     return Solution(problem, unknowns, statistics, passes, step.length, step.length < tolerance)

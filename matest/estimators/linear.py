@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import torch
 from torch import Tensor
 
 from matest.brdf.terms import Product
 from matest.estimators.unknowns import Problem
 
-_ITERATIONS = 20
+# Projected Newton steps; a linear model needs one, products of amplitudes settle to rounding well before this.
+_NEWTON_STEPS = 20
+# Amplitude that the steps start from: the middle of an albedo's domain.
+_FIRST_AMPLITUDE = 0.5
+# Added to the scaled Hessian, whose diagonal is 1: keeps it regular, and is far above rounding.
+_REGULARISATION = 1e-12
 
 
 def amplitudes(
@@ -34,43 +41,56 @@ def amplitudes(
     lower = torch.tensor([problem.domain(name).lower for name in names], dtype=torch.float64)
     upper = torch.tensor([problem.domain(name).upper for name in names], dtype=torch.float64)
     lead = gram.shape[:2]
-    a = torch.full((*lead, len(names)), 0.5, dtype=torch.float64).clamp(lower, upper)
-
-    def coefficients(a: Tensor) -> tuple[Tensor, Tensor]:
-        g, dg = [], []
-        for product in products:
-            value = torch.ones(lead, dtype=torch.float64)
-            slope = torch.zeros(*lead, len(names), dtype=torch.float64)
-            for factor in product:
-                name = problem.ties.get(factor.name, factor.name)
-                column = names.index(name) if name in names else None
-                known = constants[name].expand(lead) if column is None else a[..., column]
-                own = factor.value({factor.name: known})
-                slope = slope * own[..., None]
-                if column is not None:
-                    slope[..., column] += factor.slope * value
-                value = value * own
-            g.append(value)
-            dg.append(slope)
-        return torch.stack(g, -1), torch.stack(dg, -2)
-
-    if names:
-        for _ in range(_ITERATIONS):
-            g, dg = coefficients(a)
-            gradient = (dg.mT @ (moment - (gram @ g[..., None])[..., 0])[..., None])[..., 0]
-            hessian = dg.mT @ gram @ dg
-            frozen = ((a <= lower) & (gradient < 0)) | ((a >= upper) & (gradient > 0))
-            a = (a + _newton(hessian, gradient, frozen)).clamp(lower, upper)
-    g, _ = coefficients(a)
+    a = torch.full((*lead, len(names)), _FIRST_AMPLITUDE, dtype=torch.float64).clamp(lower, upper)
+    for _ in range(_NEWTON_STEPS if names else 0):
+        g, dg = _coefficients(problem, products, names, constants, a)
+        gradient = (dg.mT @ (moment - (gram @ g[..., None])[..., 0])[..., None])[..., 0]
+        hessian = dg.mT @ gram @ dg
+        active = ((a <= lower) & (gradient < 0)) | ((a >= upper) & (gradient > 0))
+        a = (a + _newton_step(hessian, gradient, active)).clamp(lower, upper)
+    g, _ = _coefficients(problem, products, names, constants, a)
     cost = (g * ((gram @ g[..., None])[..., 0] - 2 * moment)).sum((-1, -2))
     return a, cost
 
 
-def _newton(hessian: Tensor, gradient: Tensor, frozen: Tensor) -> Tensor:
-    """Solve the free part of H δ = g, scaled and slightly regularised; δ is 0 where frozen."""
-    free = (~frozen).double()
+def _coefficients(
+    problem: Problem, products: list[Product], names: list[str], constants: Mapping[str, Tensor], a: Tensor
+) -> tuple[Tensor, Tensor]:
+    """The products g [G, C, K], and their derivatives by the amplitudes [G, C, K, A].
+
+    Args:
+        problem: gives the ties.
+        products: the factors of each of the K coefficients.
+        names: of the A amplitudes.
+        constants: values of the other parameters, each broadcast to [G, C].
+        a: the amplitudes [G, C, A].
+    """
+    lead = a.shape[:-1]
+    g, dg = [], []
+    for product in products:
+        value = torch.ones(lead, dtype=torch.float64)
+        slope = torch.zeros(*lead, len(names), dtype=torch.float64)
+        for factor in product:
+            name = problem.ties.get(factor.name, factor.name)
+            column = names.index(name) if name in names else None
+            parameter = constants[name].expand(lead) if column is None else a[..., column]
+            multiplier = factor.value({factor.name: parameter})
+            slope = slope * multiplier[..., None]
+            if column is not None:
+                slope[..., column] += factor.slope * value
+            value = value * multiplier
+        g.append(value)
+        dg.append(slope)
+    return torch.stack(g, -1), torch.stack(dg, -2)
+
+
+def _newton_step(hessian: Tensor, gradient: Tensor, active: Tensor) -> Tensor:
+    """Solve H δ = g, scaled and slightly regularised, for the amplitudes at no active bound; δ of the others is 0."""
+    free = (~active).double()
     scale = hessian.diagonal(dim1=-2, dim2=-1).clamp(min=1e-300).rsqrt() * free
     scaled = hessian * scale[..., :, None] * scale[..., None, :]
     eye = torch.eye(hessian.shape[-1], dtype=torch.float64)
-    step = torch.linalg.solve_ex(scaled + eye * (frozen.double()[..., None] + 1e-12), (gradient * scale)[..., None])[0]
+    step = torch.linalg.solve_ex(
+        scaled + eye * (active.double()[..., None] + _REGULARISATION), (gradient * scale)[..., None]
+    )[0]
     return torch.nan_to_num(step[..., 0] * scale)

@@ -1,4 +1,4 @@
-"""Passes over samples, and the additive statistics that they leave behind."""
+"""Passes over samples, and the additive statistics that they give."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import torch
 from torch import Tensor
 
 from matest.estimators.basis import Basis, SeparatedBasis, TangentBasis, coefficients
+from matest.estimators.column_statistics import ColumnStatistics
 from matest.estimators.columns import Columns
-from matest.estimators.compressed import Compressed
-from matest.estimators.moments import Moments, joined, moments, nothing
+from matest.estimators.moments import Moments, empty_moments, moments, sum_moments
 from matest.estimators.statistics import Statistics
 from matest.estimators.unknowns import Problem
 from matest.samples import Batch, Tile, Tiles
@@ -32,7 +32,7 @@ def accumulate(
     Args:
         problem: what is estimated.
         unknowns: u [P], float64.
-        tiles: groups of functions that give a tile each; a group is worked on at once.
+        tiles: groups of functions that give a tile each; the tiles of a group are worked on at the same time.
         reference: the likelihood is expanded about the model's radiance for these unknowns (`likelihood.about`); None:
             about the measured radiance, for a first guess.
         residual_scale: see `likelihood.about`.
@@ -48,20 +48,20 @@ def accumulate(
             return columns, radiance, None
         return columns, radiance, there.radiance(tile.batch) if there else radiance
 
-    compressed = _collect(tiles, expand, here, residual_scale)
+    compressed = _sum_columns(tiles, expand, here, residual_scale)
     return compressed.statistics(problem, unknowns, here.coefficients, here.slopes)
 
 
 def compress(
     problem: Problem, tiles: Tiles, origin: Tensor | None, reference: Tensor | None, residual_scale: float = 1.0
-) -> Compressed:
-    """One pass over the samples of a problem that `separates`, which serves all unknowns.
+) -> ColumnStatistics:
+    """One pass over the samples of a problem that `separates`; statistics at any unknowns follow from it.
 
     Args:
         problem: what is estimated.
         tiles: as in `accumulate`.
-        origin: u [P] near the optimum, from which residuals are taken: they keep their digits. Light whose reflectance
-            there is below zero gives nothing. None: the measured radiance itself.
+        origin: u [P] near the optimum, whose radiance is subtracted first, so that small residuals keep their digits.
+            Light whose reflectance there is below zero counts as none. None: nothing is subtracted.
         reference: the likelihood is expanded about the model's radiance for these unknowns; None: about the measured.
         residual_scale: see `likelihood.about`.
     """
@@ -77,29 +77,31 @@ def compress(
             return columns, radiance, None
         return columns, radiance, radiance if there is here else there.radiance_of(columns, tile.batch)
 
-    return _collect(tiles, expand, here, residual_scale)
+    return _sum_columns(tiles, expand, here, residual_scale)
 
 
-def statistics(problem: Problem, compressed: Compressed, unknowns: Tensor) -> Statistics:
-    """What a pass over the samples at u [P] would give."""
-    at = coefficients(problem, unknowns)
-    return compressed.statistics(problem, unknowns, at.total, at.slopes)
+def statistics_at(problem: Problem, compressed: ColumnStatistics, unknowns: Tensor) -> Statistics:
+    """The statistics that a pass over the samples at u [P] would give."""
+    weights = coefficients(problem, unknowns)
+    return compressed.statistics(problem, unknowns, weights.total, weights.slopes)
 
 
 def passes_over(
     problem: Problem, tiles: Tiles, origin: Tensor, reference: Tensor | None, residual_scale: float
 ) -> Evaluate:
-    """Statistics at any unknowns near `origin`: by a pass each, or from a single one where the model separates.
+    """The function that gives the statistics at any unknowns near `origin`.
+
+    Each call costs a pass over the samples; where the model separates, one pass serves all calls.
 
     Arguments are those of `compress`.
     """
     if problem.separates:
-        return partial(statistics, problem, compress(problem, tiles, origin, reference, residual_scale))
+        return partial(statistics_at, problem, compress(problem, tiles, origin, reference, residual_scale))
     return partial(accumulate, problem, tiles=tiles, reference=reference, residual_scale=residual_scale)
 
 
-def radiances(problem: Problem, unknowns: Tensor) -> Callable[[Tile], Tensor]:
-    """The model's radiance [n, C] of any tile at u [P]."""
+def radiance_model(problem: Problem, unknowns: Tensor) -> Callable[[Tile], Tensor]:
+    """The function that gives the radiance [n, C] of a tile at u [P]."""
     basis: Basis
     if problem.separates:
         basis = SeparatedBasis(problem, unknowns)
@@ -108,38 +110,38 @@ def radiances(problem: Problem, unknowns: Tensor) -> Callable[[Tile], Tensor]:
     return lambda tile: basis.radiance_of(basis.columns(tile), tile.batch)
 
 
-def _collect(
+def _sum_columns(
     tiles: Tiles, expand: Callable[[Tile], tuple[Columns, Tensor, Tensor | None]], basis: Basis, residual_scale: float
-) -> Compressed:
-    """One walk over the samples.
+) -> ColumnStatistics:
+    """Sum the moments of all samples.
 
     Args:
         tiles: as in `accumulate`.
-        expand: gives the columns of a tile, the radiance [n, C] that residuals are taken from, and the radiance that
-            the likelihood is expanded about (None: the measured).
-        basis: whose radiance the former is.
+        expand: gives the columns of a tile, the radiance [n, C] that is subtracted for the residuals, and the radiance
+            that the likelihood is expanded about (None: the measured).
+        basis: gives the subtracted radiance.
         residual_scale: see `likelihood.about`.
     """
 
-    def work(get: Callable[[], Tile]) -> list[Moments]:
+    def sum_tile(get: Callable[[], Tile]) -> list[Moments]:
         with torch.no_grad():
             parts, tile = [], get()
             columns, radiance, reference = expand(tile)
             if tile.merged is not None and reference is not None:
                 tile, finer = tile.merged.judge(tile, reference, residual_scale)
                 if finer is not None:
-                    parts = work(lambda: finer)
+                    parts = sum_tile(lambda: finer)
             problem = tile.least_squares
             if problem is None:
                 problem = tile.first_guess() if reference is None else tile.about(reference, residual_scale)
             return [*parts, moments(columns, problem, problem.response - radiance, tile.batch.groups)]
 
-    total = joined([nothing(*basis.coefficients.shape), *in_groups(work, tiles)])
-    return Compressed(basis.coefficients, basis.exposure, total)
+    total = sum_moments([empty_moments(*basis.coefficients.shape), *in_groups(sum_tile, tiles)])
+    return ColumnStatistics(basis.coefficients, basis.exposure, total)
 
 
-def predicted(problem: Problem, unknowns: Tensor, batch: Batch) -> Tensor:
+def predict_radiance(problem: Problem, unknowns: Tensor, batch: Batch) -> Tensor:
     """The model's radiance [n, C] of a batch at u [P]."""
-    model = radiances(problem, unknowns)
+    model = radiance_model(problem, unknowns)
     with torch.no_grad():
         return model(Tile(batch))

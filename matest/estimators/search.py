@@ -1,4 +1,4 @@
-"""Global search of the shape parameters: amplitudes are eliminated, what is left is one to three numbers."""
+"""Global search of the shape parameters, one to three numbers: the amplitudes are solved for at every node."""
 
 from __future__ import annotations
 
@@ -12,23 +12,30 @@ from torch import Tensor
 
 from matest.brdf.terms import Product
 from matest.estimators.basis import NodesBasis, TangentBasis, mixture
-from matest.estimators.compressed import Compressed
+from matest.estimators.column_statistics import ColumnStatistics
 from matest.estimators.linear import amplitudes
-from matest.estimators.moments import joined, moments
+from matest.estimators.moments import moments, sum_moments
 from matest.estimators.passes import compress
 from matest.estimators.unknowns import Problem
 from matest.samples import Batch, Tile
 from matest.samples.likelihood import LeastSquares, Means
 from matest.samples.tiles import in_memory
 
-# Nodes per shape parameter, at most so many in all.
-_NODES, _ALL_NODES = 15, 400
-# Samples and lights, times nodes, that a model is evaluated at together.
-_AT_ONCE = 1 << 16
-# A logarithmic grid starts here, as a share of the upper end.
+# Nodes per shape parameter: close enough for the descent from a node to reach the optimum beside it.
+_NODES = 15
+# Nodes of the whole grid: several shape parameters get fewer each, or the search would cost more than the fit.
+_MAX_NODES = 400
+# Samples × lights × nodes that a model is evaluated at together: enough for torch to be busy, and in the cache.
+_EVALUATED_TOGETHER = 1 << 16
+# Share of the upper end at which a logarithmic grid starts: lobes narrower than that fall between samples.
 _LOG_START = 0.01
-# Strengths of the ρ² term tried when the light scale is unknown: facet albedo of the brightest channel.
-_BRIGHTEST = (0.2, 0.6, 0.95)
+# Shares of the domain between which an even grid lies: the far end of an angle (90°) is no surface.
+_GRID_START = 0.02
+_GRID_END = 0.8
+# Share of the upper end at which a logarithmic grid ends.
+_LOG_END = 0.95
+# Facet albedos of the brightest channel that are tried where the light scale is unknown: they set the ρ² terms.
+_BRIGHTEST_ALBEDOS = (0.2, 0.6, 0.95)
 
 
 @dataclass(frozen=True)
@@ -36,7 +43,7 @@ class Search:
     """Amplitudes and cost at every node of a grid over the shape parameters.
 
     Attributes:
-        problem: what is estimated; its gauge limit follows from the images.
+        problem: what is estimated; the limit of its gauge follows from the samples.
         nodes: values of each shape parameter.
         solved: amplitudes [G, C, A] at every combination of nodes.
         gauges: value [G, 1] of each gauge parameter there.
@@ -52,10 +59,11 @@ class Search:
     def starts(self, count: int = 3) -> list[Tensor]:
         """The best local minima as vectors of unknowns, best first."""
         combinations = list(itertools.product(*self.nodes))
-        chosen = _minima(self.cost.reshape([len(node) for node in self.nodes] or [1]), count)
-        return [self._fill(node, combinations[node]) for node in chosen]
+        minima = _minima(self.cost.reshape([len(node) for node in self.nodes] or [1]), count)
+        return [self.unknowns_at(node, combinations[node]) for node in minima]
 
-    def _fill(self, node: int, shapes: tuple[float, ...]) -> Tensor:
+    def unknowns_at(self, node: int, shapes: tuple[float, ...]) -> Tensor:
+        """u [P] at a node with these shape parameters."""
         problem = self.problem
         unknowns = _with_shapes(problem, shapes)
         names = [name for name in problem.amplitudes if name not in self.gauges]
@@ -67,7 +75,7 @@ class Search:
         return unknowns
 
 
-def search(problem: Problem, batches: list[Batch], compressed: Compressed | None = None) -> Search:
+def search(problem: Problem, batches: list[Batch], compressed: ColumnStatistics | None = None) -> Search:
     """Evaluate the grid; every node's amplitudes are the bounded least-squares solution there.
 
     Weights are those of a first guess (`likelihood.first_guess`).
@@ -75,23 +83,23 @@ def search(problem: Problem, batches: list[Batch], compressed: Compressed | None
     Args:
         problem: what is estimated.
         batches: the samples.
-        compressed: of them, where the problem separates and this is known already.
+        compressed: column statistics of the samples, where the problem separates; None: a pass over them.
     """
-    count = min(_NODES, int(_ALL_NODES ** (1 / max(len(problem.shapes), 1))))
+    count = min(_NODES, int(_MAX_NODES ** (1 / max(len(problem.shapes), 1))))
     nodes = [_grid(problem, name, count) for name in problem.shapes]
     points = [_with_shapes(problem, combination) for combination in itertools.product(*nodes)]
     if compressed is None:
         factors, gram, moment = normal_equations(problem, batches, points)
     else:
-        factors, gram, moment = _mixed(problem, compressed, points)
+        factors, gram, moment = _from_column_statistics(problem, compressed, points)
 
     trials: list[dict[str, Tensor]] = [{}]
     if problem.gauges:
-        none = {name: torch.zeros(len(gram), 1, dtype=torch.float64) for name in problem.gauges}
-        solved, cost = amplitudes(problem, factors, gram, moment, none)
+        no_gauge = {name: torch.zeros(len(gram), 1, dtype=torch.float64) for name in problem.gauges}
+        solved, cost = amplitudes(problem, factors, gram, moment, no_gauge)
         brightest = float(solved[cost.argmin()].max().clamp(min=1e-9))
         problem = problem.limited(1 / brightest)
-        trials = [{name: none[name] + share / brightest for name in none} for share in _BRIGHTEST]
+        trials = [{name: no_gauge[name] + share / brightest for name in no_gauge} for share in _BRIGHTEST_ALBEDOS]
     results = [(*amplitudes(problem, factors, gram, moment, trial), trial) for trial in trials]
     best = torch.stack([cost for _, cost, _ in results]).argmin(0)
     pick = torch.arange(len(gram))
@@ -115,41 +123,41 @@ def normal_equations(
     The likelihood is expanded about the model's radiance for `reference` u [P]; None: for a first guess.
     """
     if problem.separates:
-        return _mixed(problem, compress(problem, in_memory(batches), None, reference), points)
-    return _evaluated(problem, batches, points, reference)
+        return _from_column_statistics(problem, compress(problem, in_memory(batches), None, reference), points)
+    return _from_samples(problem, batches, points, reference)
 
 
 @torch.no_grad()
-def _evaluated(problem: Problem, batches: list[Batch], points: list[Tensor], reference: Tensor | None) -> Normal:
+def _from_samples(problem: Problem, batches: list[Batch], points: list[Tensor], reference: Tensor | None) -> Normal:
     tiles = [Tile(batch) for batch in batches]
     if reference is None:
-        views = [tile.first_guess() for tile in tiles]
+        problems = [tile.first_guess() for tile in tiles]
     else:
         about = TangentBasis(problem, reference, derivatives=False)
-        views = [tile.about(about.radiance(tile.batch)) for tile in tiles]
+        problems = [tile.about(about.radiance(tile.batch)) for tile in tiles]
     parts = []
-    for tile, view in zip(tiles, views, strict=True):
+    for tile, least_squares in zip(tiles, problems, strict=True):
         samples, lights = len(tile), tile.batch.points.wi.shape[-2]
-        ahead = max(_AT_ONCE // max(samples * lights, 1), 1)
-        for first in range(0, len(points), ahead):
-            nodes = points[first : first + ahead]
+        together = max(_EVALUATED_TOGETHER // max(samples * lights, 1), 1)
+        for first in range(0, len(points), together):
+            nodes = points[first : first + together]
             columns = NodesBasis(problem, nodes).columns(tile, cut=False)
-            repeated = _repeated(view, len(nodes))
+            repeated = _repeated(least_squares, len(nodes))
             labels = torch.arange(first, first + len(nodes)).repeat_interleave(samples)
             parts.append(moments(columns, repeated, repeated.response, labels))
-    total = joined(parts)
+    total = sum_moments(parts)
     return TangentBasis(problem, points[0], derivatives=False).factors, total.gram, total.moment
 
 
-def _repeated(view: LeastSquares, times: int) -> LeastSquares:
-    """The same samples so many times."""
-    response, weight, plain = (part.repeat(times, 1) for part in view[:3])
-    means = None if view.means is None else Means(*(part.repeat(times, 1) for part in view.means))
+def _repeated(least_squares: LeastSquares, times: int) -> LeastSquares:
+    """The problem of as many copies of the samples."""
+    response, weight, plain = (part.repeat(times, 1) for part in least_squares[:3])
+    means = None if least_squares.means is None else Means(*(part.repeat(times, 1) for part in least_squares.means))
     return LeastSquares(response, weight, plain, means)
 
 
-def _mixed(problem: Problem, compressed: Compressed, points: list[Tensor]) -> Normal:
-    """From the moments of the images."""
+def _from_column_statistics(problem: Problem, compressed: ColumnStatistics, points: list[Tensor]) -> Normal:
+    """Factors, Gram matrices and moments at every point, from one set of moments of all columns."""
     gram, moment = (part.sum(0) for part in (compressed.moments.gram, compressed.moments.moment))
     factors: list[Product] = []
     mixtures = []
@@ -164,13 +172,13 @@ def _mixed(problem: Problem, compressed: Compressed, points: list[Tensor]) -> No
 def _grid(problem: Problem, name: str, count: int) -> list[float]:
     domain = problem.domain(name)
     if problem.declared(name).periodic:
-        own = problem.declared(name).domain
-        return [own.lower + own.width * node / count for node in range(count)]
+        period = problem.declared(name).domain
+        return [period.lower + period.width * node / count for node in range(count)]
     if problem.declared(name).log:
         low = max(domain.lower, _LOG_START * domain.upper)
-        return torch.logspace(math.log10(low), math.log10(0.95 * domain.upper), count).tolist()
-    # From the lower end up: the far end of an angle (90°) is no surface.
-    return torch.linspace(domain.lower + 0.02 * domain.width, domain.lower + 0.8 * domain.width, count).tolist()
+        return torch.logspace(math.log10(low), math.log10(_LOG_END * domain.upper), count).tolist()
+    start, end = (domain.lower + share * domain.width for share in (_GRID_START, _GRID_END))
+    return torch.linspace(start, end, count).tolist()
 
 
 def _with_shapes(problem: Problem, shapes: tuple[float, ...]) -> Tensor:

@@ -1,4 +1,4 @@
-"""Additive statistics of a pass over samples: what is known of the unknowns near a point, group by group."""
+"""Additive statistics of a pass over samples: information and gradient of the unknowns at a point, group by group."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from matest.estimators.moments import SCORES, by_label, raised
+from matest.estimators.moments import SCORES, sum_by_label, with_added_cost
 
 
 @dataclass(frozen=True, eq=False)
 class PriorTerms:
-    """What Gaussian priors say of the unknowns u [P] at a point: they add to the sums over the samples.
+    """Gaussian priors of the unknowns u [P] at a point: their terms add to the sums over the samples.
 
     Attributes:
         precision: inverse variance of each unknown, 0 where there is no prior [P].
@@ -26,8 +26,8 @@ class PriorTerms:
     @property
     def cost(self) -> float:
         """Squared distance from the means, in standard deviations."""
-        held = self.precision > 0
-        return float((self.pull[held].square() / self.precision[held]).sum())
+        informative = self.precision > 0
+        return float((self.pull[informative].square() / self.precision[informative]).sum())
 
     def moved(self, change: Tensor) -> PriorTerms:
         """The same where the unknowns have changed by this [P]."""
@@ -38,7 +38,7 @@ class PriorTerms:
 class Statistics:
     """Additive statistics of a pass over B groups of samples, double precision.
 
-    A group touches Q of the P unknowns: of blocks on the axis of images only its own image's. `places` says which.
+    A group depends on Q of the P unknowns: of blocks on the axis of images only on its image's. `places` says which.
 
     Attributes:
         labels: of the groups [B].
@@ -46,7 +46,7 @@ class Statistics:
         gradients: JᵀWr of each [B, Q].
         scores: of the residual of each [B, S], see `SCORES`.
         places: positions in u of the Q unknowns of each group [B, Q]; None: all P, in their order.
-        prior: what is known of the unknowns beside the samples; None: nothing.
+        prior: of the unknowns; None: there is none.
         unknowns: P; None: Q.
     """
 
@@ -71,7 +71,7 @@ class Statistics:
 
     @property
     def cost(self) -> float:
-        """What a fit minimises: rᵀWr of all values, and the squared distance from the priors."""
+        """The cost that a fit minimises: rᵀWr of all values, and the squared distance from the priors."""
         return self.total("cost") + (0.0 if self.prior is None else self.prior.cost)
 
     @property
@@ -130,7 +130,7 @@ class Statistics:
         return total if self.prior is None else total + self.prior.pull
 
     def only(self, position: int) -> Statistics:
-        """Those of one of the B groups, without the priors."""
+        """The statistics of one of the B groups, without the priors."""
         row = slice(position, position + 1)
         places = None if self.places is None else self.places[row]
         return Statistics(
@@ -138,25 +138,25 @@ class Statistics:
         )
 
     def moved(self, change: Tensor) -> Statistics:
-        """What a pass would give if the unknowns changed by this [P] and the model were linear in them.
+        """The statistics that a pass would give if the unknowns changed by this [P] and the model were linear in them.
 
-        The squared residual stays as it is.
+        The unweighted squared residual stays as it is.
         """
-        own = change.expand(len(self), -1) if self.places is None else change[self.places]
-        pulled = (self.informations @ own[..., None])[..., 0]
-        rises = ((pulled - 2 * self.gradients) * own).sum(-1)
+        touched = change.expand(len(self), -1) if self.places is None else change[self.places]
+        drop = (self.informations @ touched[..., None])[..., 0]
+        added = ((drop - 2 * self.gradients) * touched).sum(-1)
         prior = None if self.prior is None else self.prior.moved(change)
-        return replace(self, gradients=self.gradients - pulled, scores=raised(self.scores, rises), prior=prior)
+        return replace(self, gradients=self.gradients - drop, scores=with_added_cost(self.scores, added), prior=prior)
 
     def regrouped(self, coarser: Tensor) -> Statistics:
         """The same statistics with groups joined; `coarser` [G] has the new label of every group.
 
-        Groups that are joined must touch the same unknowns: those of one image do.
+        Groups that are joined must depend on the same unknowns, as those of one image do.
         """
         labels = coarser[self.labels]
-        new, informations, gradients, scores = by_label(labels, self.informations, self.gradients, self.scores)
+        distinct, informations, gradients, scores = sum_by_label(labels, self.informations, self.gradients, self.scores)
         places = self.places
         if places is not None:
-            first = torch.stack([(labels == label).nonzero()[0, 0] for label in new])
+            first = torch.stack([(labels == label).nonzero()[0, 0] for label in distinct])
             places = places[first]
-        return Statistics(new, informations, gradients, scores, places, self.prior, self.unknowns)
+        return Statistics(distinct, informations, gradients, scores, places, self.prior, self.unknowns)

@@ -1,4 +1,4 @@
-"""What is estimated: a model, which blocks of unknowns are free, and how one vector of unknowns fills them in."""
+"""What is estimated: a model, its blocks of unknowns, and their places in one vector."""
 
 from __future__ import annotations
 
@@ -117,13 +117,13 @@ class Problem:
         """The same problem with some of the held parameters estimated."""
         free = [name for name in self.brdf.declared if name in self.free or name in names]
         held = {name: value for name, value in self.held.items() if name not in names}
-        wider = Problem.of(
+        problem = Problem.of(
             self.brdf, self.channels, free, held, self.ties, relative=self.relative, arbitrary=self.arbitrary
         )
         by_name = {block.name: block for block in self.blocks}
-        calibrated = tuple(block for block in self.blocks if block.axis == "image")
-        blocks = tuple(by_name.get(block.name, block) for block in wider.blocks)
-        return replace(wider, blocks=(*blocks, *calibrated), groups=self.groups)
+        by_image = tuple(block for block in self.blocks if block.axis == "image")
+        blocks = tuple(by_name.get(block.name, block) for block in problem.blocks)
+        return replace(problem, blocks=(*blocks, *by_image), groups=self.groups)
 
     @cached_property
     def amplitudes(self) -> tuple[str, ...]:
@@ -272,7 +272,7 @@ class Problem:
         return torch.stack(factors).prod(dim=0) if factors else None
 
     def prior_terms(self, unknowns: Tensor) -> PriorTerms | None:
-        """What the priors say at u [P]; None where every block's is flat."""
+        """The terms of the priors at u [P]; None where every block's is flat."""
         if all(block.prior is None for block in self.blocks):
             return None
         precision = self._every([0.0 if block.prior is None else block.prior**-2 for block in self.blocks])
@@ -309,8 +309,10 @@ class Problem:
         out = unknowns.clone()
         for name in self.free:
             out[self.where[name]] = ordered[name]
-        kept = all(torch.allclose(torch.as_tensor(value), ordered[name]) for name, value in self.values(out).items())
-        return out if kept else unknowns
+        is_same_material = all(
+            torch.allclose(torch.as_tensor(value), ordered[name]) for name, value in self.values(out).items()
+        )
+        return out if is_same_material else unknowns
 
     def material(self, unknowns: Tensor) -> Brdf:
         return self.brdf.replace(self.values(unknowns))

@@ -212,7 +212,8 @@ def test_a_model_that_gives_nothing_finite_is_refused() -> None:
 
 def test_a_fit_that_does_not_converge_says_so_once(monkeypatch: pytest.MonkeyPatch) -> None:
     # Not by name: matest.estimators has a function called as its module is.
-    monkeypatch.setattr(sys.modules["matest.estimators.fit"], "_PASSES", 1)
+    for module in ("fit", "pilot"):
+        monkeypatch.setattr(sys.modules[f"matest.estimators.{module}"], "MAX_PASSES", 1)
     result = estimate(captured(CookTorrance(0.3, 0.4, 0.2)), "oren-nayar")
     assert result.fit.status == "not converged"
     assert "Not converged" in result.fit.message

@@ -53,7 +53,7 @@ def shaded(chosen: Problem, unknowns: Tensor, batch: Batch) -> Tensor:
 def radiance_and_jacobian(basis: TangentBasis, batch: Batch) -> tuple[Tensor, Tensor]:
     """Model radiance [n, C], and its derivatives by the free parameters of each channel [Q, n, C]."""
     columns = basis.columns(Tile(batch))
-    return columns.radiance(basis.coefficients), columns.mixed(basis.slopes.mT)
+    return columns.radiance(basis.coefficients), columns.sums(basis.slopes.mT)
 
 
 def assert_derivatives(chosen: Problem, unknowns: Tensor, batch: Batch) -> None:

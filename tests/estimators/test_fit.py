@@ -18,7 +18,7 @@ from matest.brdf import CookTorrance, Lambert, OrenNayar, OrenNayarQualitative, 
 from matest.estimators import Problem, at_bound, fit, fit_batches
 from matest.estimators.levenberg_marquardt import minimise
 from matest.estimators.moments import scores
-from matest.estimators.starts import distance, most_plausible
+from matest.estimators.plausibility import distance, most_plausible
 from matest.estimators.statistics import Statistics
 from matest.photographs.samples import PhotographSamples
 from matest.samples import Batch, Tile
@@ -184,7 +184,7 @@ def test_steps_that_are_not_looked_at_end_where_small_ones_do(
     chosen = problem(expression, channels=samples.channels)
     batches = samples.pilot(24_000, seed=0)
     found = fit_batches(chosen, batches)
-    monkeypatch.setattr(importlib.import_module("matest.estimators.fit"), "_FREE", 0.0)
+    monkeypatch.setattr(importlib.import_module("matest.estimators.pilot"), "_TOLERANCE_SHARE", 0.0)
     slow = fit_batches(chosen, batches)
     assert distance(slow, found) < 0.1
 

@@ -253,7 +253,7 @@ def ends_of_descents(chosen: Problem, capture: Capture, least: float, most: floa
     found = search(chosen, list(samples.batches(10**5)))
     # Every other node of the grid, with its best amplitudes.
     (nodes,) = found.nodes
-    starts = [found._fill(k, (value,)) for k, value in enumerate(nodes) if k % 2 == 0 and least < value < most]
+    starts = [found.unknowns_at(k, (value,)) for k, value in enumerate(nodes) if k % 2 == 0 and least < value < most]
     assert len(starts) >= 3
     ends = []
     for start in starts:

@@ -11,7 +11,7 @@ from matest.brdf import Brdf, CookTorrance
 from matest.estimators import accumulate, fit, fit_batches
 from matest.estimators.levenberg_marquardt import Solution, minimise
 from matest.estimators.moments import SCORES
-from matest.estimators.one_step import CLOSE, single_step
+from matest.estimators.one_step import END_TOLERANCE, single_step
 from matest.estimators.statistics import Statistics
 from matest.photographs.pilot import pilot
 from matest.photographs.samples import PhotographSamples
@@ -50,7 +50,7 @@ def test_one_step_from_the_pilot_ends_where_many_do() -> None:
 
     whole = minimise(start.problem, start.unknowns, evaluate, passes=20, tolerance=1e-3)
     assert standard_errors(start, whole) > 0.5
-    assert standard_errors(once, whole) < CLOSE
+    assert standard_errors(once, whole) < END_TOLERANCE
     assert once.statistics.reduced_chi2 == pytest.approx(whole.statistics.reduced_chi2, rel=1e-3)
     assert fit(start.problem, samples, 0).iterations == 1
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 import torch
 
-from matest.estimators.passes import accumulate, compress, statistics
-from matest.estimators.search import _evaluated, normal_equations
+from matest.estimators.passes import accumulate, compress, statistics_at
+from matest.estimators.search import _from_samples, normal_equations
 from matest.estimators.unknowns import Problem
 from matest.samples import Batch
 from matest.samples.likelihood import MeasurementNoise, Readout
@@ -45,7 +45,7 @@ def test_statistics_are_those_of_a_pass(chosen: Problem, ambient: float) -> None
     compressed = compress(chosen, tiles, unknowns, reference)
     for at in (unknowns, moved(unknowns)):
         assert_same(
-            statistics(chosen, compressed, at), accumulate(chosen, at, tiles, reference), residual=at is unknowns
+            statistics_at(chosen, compressed, at), accumulate(chosen, at, tiles, reference), residual=at is unknowns
         )
 
 
@@ -57,14 +57,14 @@ def test_the_integral_separates_into_its_slope_nodes() -> None:
     compressed = compress(chosen, tiles, unknowns, None)
     assert compressed.origin.shape == (3, 16 + 12)
     for at in (unknowns, moved(unknowns)):
-        assert_same(statistics(chosen, compressed, at), accumulate(chosen, at, tiles, None), residual=at is unknowns)
+        assert_same(statistics_at(chosen, compressed, at), accumulate(chosen, at, tiles, None), residual=at is unknowns)
 
 
 def test_residuals_from_the_measured_radiance_give_the_same_statistics() -> None:
     chosen = problem("fujii", channels=3)
     unknowns = ordinary(chosen, seed=4)
     tiles = tiled(samples(), 1000)
-    found = statistics(chosen, compress(chosen, tiles, None, None), unknowns)
+    found = statistics_at(chosen, compress(chosen, tiles, None, None), unknowns)
     assert_same(found, accumulate(chosen, unknowns, tiles, None), residual=False)
 
 
@@ -77,7 +77,7 @@ def test_light_whose_fitted_reflectance_is_negative_gives_nothing() -> None:
     unknowns = torch.tensor([0.02, 1.3], dtype=torch.float64)
     terms = chosen.material(unknowns).terms(lit_directions(batch.points))
     assert (0.02 * terms[0].shape + 0.02**2 * terms[1].shape < 0).any()
-    found = statistics(chosen, compress(chosen, in_memory([batch]), unknowns, None), unknowns)
+    found = statistics_at(chosen, compress(chosen, in_memory([batch]), unknowns, None), unknowns)
     assert_same(found, accumulate(chosen, unknowns, in_memory([batch]), None))
 
 
@@ -98,7 +98,7 @@ def test_the_grid_of_the_search_is_the_same_either_way(expression: str) -> None:
     chosen = problem(expression, channels=3)
     points = [ordinary(chosen, seed) for seed in range(4)]
     batches = [whole(samples(0.2))]
-    both = (grid(chosen, batches, points, None) for grid in (normal_equations, _evaluated))
+    both = (grid(chosen, batches, points, None) for grid in (normal_equations, _from_samples))
     for found, expected in zip(*both, strict=True):
         if isinstance(found, torch.Tensor):
             torch.testing.assert_close(found, expected, rtol=1e-10, atol=1e-10 * float(expected.abs().max()))

@@ -145,7 +145,7 @@ def test_nodes_that_are_evaluated_together_give_what_each_gives_alone(
     expression: str, together: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # A thousand: the last call has fewer nodes than the others.
-    monkeypatch.setattr("matest.estimators.search._AT_ONCE", together)
+    monkeypatch.setattr("matest.estimators.search._EVALUATED_TOGETHER", together)
     chosen = problem(expression, channels=3)
     measured = [batch[::20] for batch in batches(CookTorrance(0.3))]
     generator = torch.Generator().manual_seed(0)

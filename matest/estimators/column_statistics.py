@@ -1,4 +1,4 @@
-"""From the moments of columns to statistics at any coefficients."""
+"""Statistics at any unknowns from one pass, where the columns of a model depend on no unknown."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from matest.estimators.moments import Moments, raised
+from matest.estimators.moments import Moments, with_added_cost
 from matest.estimators.statistics import Statistics
 from matest.estimators.unknowns import Problem
 
 
 @dataclass(frozen=True, eq=False)
-class Compressed:
-    """Moments of the groups of samples, from which statistics at any coefficients follow.
+class ColumnStatistics:
+    """Moments of the columns, group by group, from which the statistics at any coefficients follow.
 
     Attributes:
-        origin: coefficients [C, K] that residuals were taken from.
+        origin: coefficients [C, K] that the residuals belong to.
         exposure: of every image there [I]; None: 1 throughout.
         moments: of every group.
     """
@@ -27,7 +27,7 @@ class Compressed:
     moments: Moments
 
     def statistics(self, problem: Problem, unknowns: Tensor, coefficients: Tensor, slopes: Tensor) -> Statistics:
-        """What a pass at u [P] would give; the squared residual stays that at the origin.
+        """The statistics that a pass at u [P] would give; only the squared residual stays that at the origin.
 
         Args:
             problem: what is estimated.
@@ -37,8 +37,8 @@ class Compressed:
         """
         moments = self.moments
         images = problem.groups.image[moments.labels] if problem.exposures else None
-        exposure = _factors(problem.exposure(unknowns), images)
-        change = exposure * coefficients - _factors(self.exposure, images) * self.origin
+        exposure = _group_exposure(problem.exposure(unknowns), images)
+        change = exposure * coefficients - _group_exposure(self.exposure, images) * self.origin
         rise = (moments.gram @ change[..., None])[..., 0]
         # Derivatives of the coefficients by the unknowns that a group touches, [1 or B, C, K, Q].
         slopes = exposure[..., None] * (slopes @ problem.selectors)
@@ -49,14 +49,14 @@ class Compressed:
             labels=moments.labels,
             informations=(slopes.mT @ moments.gram @ slopes).sum(1),
             gradients=(slopes.mT @ (moments.moment - rise)[..., None]).sum(1)[..., 0],
-            scores=raised(moments.scores, (change * (rise - 2 * moments.moment)).sum((1, 2))),
+            scores=with_added_cost(moments.scores, (change * (rise - 2 * moments.moment)).sum((1, 2))),
             places=None if images is None else problem.places(images),
             prior=problem.prior_terms(unknowns),
             unknowns=problem.size,
         )
 
 
-def _factors(exposure: Tensor | None, images: Tensor | None) -> Tensor:
+def _group_exposure(exposure: Tensor | None, images: Tensor | None) -> Tensor:
     """Factor on the radiance of every group [1 or B, 1, 1]."""
     if exposure is None or images is None:
         return torch.ones(1, 1, 1, dtype=torch.float64)
