@@ -13,8 +13,10 @@ from torch import Tensor
 
 # sin² below this counts as this: keeps two derivatives of the square root, and of its inverse, finite in float32.
 _SIN2_FLOOR = 1e-16
-# Likewise for the half azimuth, and for the height of L + V where they graze from opposite sides.
-_HALF_AZIMUTH_FLOOR, _HALF_Z_FLOOR = 1e-12, 1e-5
+# Squared lengths below this count as this in the half azimuth, for the same reason.
+_HALF_AZIMUTH_FLOOR = 1e-12
+# The height of L + V is at least this where they graze from opposite sides, for the same reason.
+_HALF_Z_FLOOR = 1e-5
 # atan²(x) = Σ (−1)^(n−1) (1 + 1/3 + … + 1/(2n−1)) x^(2n)/n: exact in float64 with six terms below x² = this.
 _ATAN2_SMALL = 1e-3
 _ATAN2_SERIES = [(-1) ** (n - 1) * sum(1 / (2 * k + 1) for k in range(n)) / n for n in range(1, 7)]

@@ -40,7 +40,7 @@ def likelihood(rendered: Tensor, batch: Batch, *, degrees_of_freedom: float | No
     clipped, limits = batch.noise.clipped, batch.noise.limits
     if clipped is not None and limits is not None:
         lower, upper = limits
-        # The end that a value is clipped at, or its own: an infinite one would leave gradients without value.
+        # Values that are not clipped take their own radiance: an infinite limit would make gradients NaN.
         ends = torch.where(clipped > 0, upper, torch.where(clipped < 0, lower, batch.radiance))
         beyond = (rendered - ends) * clipped.sign() / variance.sqrt()
         value = torch.where(clipped == 0, value, -torch.special.log_ndtr(beyond))
@@ -48,7 +48,7 @@ def likelihood(rendered: Tensor, batch: Batch, *, degrees_of_freedom: float | No
 
 
 def structural(rendered: Tensor, measured: Tensor, window: int = 11) -> Tensor:
-    """1 − SSIM of whole images, averaged over pixels and channels (kornia).
+    """1 − SSIM (structural similarity) of whole images, averaged over pixels and channels (kornia).
 
     Args:
         rendered: images [K, H, W, C] as `matest.render` returns them.

@@ -29,9 +29,9 @@ from matest.progress import Progress, silent
 from matest.scene import Scene
 from matest.shading import render_image
 
-# Exposure of integer images whose scale is not given: the brightest pixel at this share of full scale.
+# Share of full scale of the brightest pixel of integer images whose scale is not given: noise does not saturate it.
 _EXPOSED = 0.9
-# What holds pixels of so many bits; None: floats.
+# Type of pixels by their bits; None: floats.
 _DTYPES = {8: np.uint8, 16: np.uint16, None: np.float32}
 _HEADER = "# A simulated capture, written by 'matest render' from {scene}; rendering again replaces it.\n"
 

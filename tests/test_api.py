@@ -59,15 +59,17 @@ def test_the_readme_example_runs(monkeypatch: pytest.MonkeyPatch, capsys: pytest
     blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL)
     assert blocks
     monkeypatch.chdir(ROOT)
-    left: dict[str, Any] = {}
+    variables: dict[str, Any] = {}
     for block in blocks:
         names: dict[str, Any] = {}
         exec(compile(block, "README.md", "exec"), names)
-        left |= names
+        variables |= names
     assert "0.69" in capsys.readouterr().out
-    assert left["fit"].losses[-1] < left["fit"].losses[0] / 10
+    assert variables["fit"].losses[-1] < variables["fit"].losses[0] / 10
+    assert 0 < variables["dissimilarity"] < 1
+    assert all(value.grad.abs().max() > 0 for value in variables["material"].parameters())
     truth = torch.tensor([0.25, 0.3, 0.92])
-    refined = torch.nn.functional.normalize(left["guess"].detach(), dim=0)
+    refined = torch.nn.functional.normalize(variables["guess"].detach(), dim=0)
     torch.testing.assert_close(refined, truth / truth.norm(), rtol=0, atol=2e-3)
 
 

@@ -9,8 +9,10 @@ import numpy as np
 
 from matest.errors import InputError
 
+# Suffixes of the formats that can be read.
 FORMATS = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".exr", ".hdr", ".npy")
-_ENDINGS = {".png": b"IEND\xaeB`\x82", ".jpg": b"\xff\xd9", ".jpeg": b"\xff\xd9"}
+# Bytes at the end of every complete file of a format.
+_END_MARKERS = {".png": b"IEND\xaeB`\x82", ".jpg": b"\xff\xd9", ".jpeg": b"\xff\xd9"}
 
 
 def read_image(path: Path) -> np.ndarray:
@@ -94,8 +96,8 @@ def _read_opencv(path: Path) -> np.ndarray:
     import cv2
 
     data = path.read_bytes()
-    ending = _ENDINGS.get(path.suffix.lower())
-    # Decoders fill what is missing with grey or zeros and only warn: a cut file must not pass as a photograph.
+    ending = _END_MARKERS.get(path.suffix.lower())
+    # Decoders fill the missing part of a truncated file with grey or zeros and only warn.
     if ending and ending not in data[-4096:]:
         raise _unreadable(path, f"the file is truncated after {len(data)} bytes, its end marker is missing")
     try:

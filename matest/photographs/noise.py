@@ -15,10 +15,26 @@ from matest.scene import Surface
 
 # Relative error of float images that no noise model describes: rounding and geometry.
 FLOAT_FLOOR = 1e-4
-# Radiance that noise stated to be none is a share of, where all pixels are black.
-_LEAST_PEAK = 1e-30
-# Images that noise is estimated from, at most.
+# Smallest peak signal that `FLOAT_FLOOR` multiplies, fractions of full scale: black images get a noise above 0 too.
+_MIN_PEAK = 1e-30
+# Images that noise is estimated from, at most: their pixels determine two numbers well enough.
 _NOISE_IMAGES = 8
+# Pixels of the smallest sample whose noise is estimated: fewer have too uncertain medians.
+_MIN_PIXELS = 100
+# Signal below this share of the brightest is in shadow and says nothing of the gain.
+_SHADOW_SHARE = 1e-3
+# Classes of brightness, at most: a line needs no more points.
+_MAX_CLASSES = 20
+# Pixels of a class on average, at least, so that its median is certain to about 20 %.
+_CLASS_PIXELS = 50
+# Pixels of the smallest class that is used.
+_MIN_CLASS_PIXELS = 20
+# Second difference along rows and columns: 0 for planes and for curvature along rows or columns alone.
+_SECOND_DIFFERENCE = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float64)
+# Standard deviation of that difference of independent noise of 1: the root of the sum of its squares.
+_SECOND_DIFFERENCE_GAIN = 6
+# Median of |x| for x of a normal distribution of standard deviation 1.
+_NORMAL_MEDIAN = 0.6745
 
 
 @dataclass(frozen=True)
@@ -34,19 +50,19 @@ class Noise:
 
 
 def stated_noise(stated: Noise, encoding: Encoding, pixels: np.ndarray) -> Noise:
-    """The noise of images like `pixels` [N, C] whose sensor has the stated noise.
+    """The stated noise of the sensor with that of rounding, for images like `pixels` [N, C].
 
-    Rounding is left to the image format. Where there is neither noise nor rounding, geometry remains.
+    Float images without stated noise get the relative error `FLOAT_FLOOR`, which stands for rounding and geometry.
     """
     noise = stated.with_rounding(encoding, pixels.dtype)
     if noise.read:
         return noise
     peak = float(encoding.signal(pixels, slice(None)).max())
-    return Noise(FLOAT_FLOOR * max(peak, _LEAST_PEAK), noise.gain)
+    return Noise(FLOAT_FLOOR * max(peak, _MIN_PEAK), noise.gain)
 
 
 def noise_of_photographs(stored: Sequence[np.ndarray], encoding: Encoding, surface: Surface) -> Noise:
-    """The noise that photographs of a surface show.
+    """The noise estimated from photographs of a surface.
 
     Args:
         stored: per image the surface's pixels [N, C] as in the file.
@@ -77,7 +93,7 @@ def steps(transfer: str | float, top: int) -> np.ndarray:
     """Width in linear signal of each of the integers 0 to `top` that an encoding stores, fractions of full scale."""
     edges = Encoding(transfer).linear(((np.arange(top + 2) - 0.5) / top).clip(0))
     widths = np.diff(edges)
-    # The lowest reaches as far below zero as above.
+    # Code 0 covers as much below zero as above it.
     widths[0] *= 2
     return widths.astype(np.float32)
 
@@ -85,7 +101,7 @@ def steps(transfer: str | float, top: int) -> np.ndarray:
 def quantisation(encoding: Encoding, dtype: np.dtype) -> float:
     """Standard deviation of rounding to the stored integers, linear fractions of full scale, at black.
 
-    A linear encoding has the same at every level; of others `rounding` is what grows with the signal.
+    A linear encoding has this standard deviation at every level. For others `rounding` adds the growth with the signal.
     """
     return float(steps(encoding.transfer, int(full_scale(dtype)))[0]) / math.sqrt(12) if dtype.kind == "u" else 0.0
 
@@ -112,45 +128,43 @@ def estimate_noise(
     floor: float,
     step: Callable[[np.ndarray], np.ndarray] = np.zeros_like,
 ) -> Noise:
-    """Read noise and gain from the pictures themselves.
+    """Read noise and gain from images.
 
-    A second-difference mask blind to planes and to curvature along rows or columns leaves noise; its variance against
-    local brightness is a line: read² + gain·signal. The median over the pixels of a brightness class ignores edges.
+    A second difference removes planes and curvature along rows or columns, so that noise remains. Its variance is a
+    line over local brightness: read² + gain·signal. The median over the pixels of a brightness class ignores edges.
 
     Args:
         images: linear signals H×W×C, fractions of full scale.
         valid: H×W×C, True where a pixel is of the object and not clipped; only windows of 3×3 such pixels count.
-        floor: smallest read noise believed (quantisation).
-        step: distance of neighbouring values at a signal; rounding beyond the floor makes no part of the noise.
+        floor: smallest read noise of the result (quantisation).
+        step: distance of neighbouring stored values at a signal; rounding beyond the floor is subtracted.
     """
     import cv2
 
-    kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float64)
     levels, spreads = [], []
     for image, mask in zip(images, valid, strict=True):
         for channel in range(image.shape[2]):
             plane = np.ascontiguousarray(image[..., channel], dtype=np.float64)
             whole = cv2.erode(np.ascontiguousarray(mask[..., channel], dtype=np.uint8), np.ones((3, 3), np.uint8)) > 0
             levels.append(cv2.blur(plane, (3, 3))[whole])
-            spreads.append(cv2.filter2D(plane, -1, kernel)[whole])
+            spreads.append(cv2.filter2D(plane, -1, _SECOND_DIFFERENCE)[whole])
     level, spread = np.concatenate(levels), np.concatenate(spreads)
-    # As much as fills the gaps between values that are sums of whole steps.
+    # Second differences are sums of whole steps: uniform noise one step wide fills the gaps between them.
     dither = step(level)
     spread = np.abs(spread + dither * (np.random.default_rng(0).random(level.size) - 0.5))
-    lit = level > 1e-3 * level.max(initial=0)
+    lit = level > _SHADOW_SHARE * level.max(initial=0)
     level, spread, dither = level[lit], spread[lit], dither[lit]
-    if level.size < 100:
+    if level.size < _MIN_PIXELS:
         return Noise(max(floor, FLOAT_FLOOR * float(level.max(initial=1e-3))), 0.0)
-    edges = np.quantile(level, np.linspace(0, 1, min(20, level.size // 50) + 1))
+    edges = np.quantile(level, np.linspace(0, 1, min(_MAX_CLASSES, level.size // _CLASS_PIXELS) + 1))
     bins = np.clip(np.searchsorted(edges, level, side="right") - 1, 0, len(edges) - 2)
     counts = np.bincount(bins, minlength=len(edges) - 1)
-    used = np.flatnonzero(counts >= 20)
+    used = np.flatnonzero(counts >= _MIN_CLASS_PIXELS)
     x = np.array([level[bins == b].mean() for b in used])
-    # Median of |N(0, 1)| = 0.6745; the mask has gain 6.
-    y = np.array([(np.median(spread[bins == b]) / (6 * 0.6745)) ** 2 for b in used])
+    y = np.array([(np.median(spread[bins == b]) / (_SECOND_DIFFERENCE_GAIN * _NORMAL_MEDIAN)) ** 2 for b in used])
     widths = np.array([np.square(dither[bins == b]).mean() for b in used])
-    # Less the dither, and the rounding that the floor has not.
-    y = (y - widths / (12 * 36) - (widths / 12 - floor**2).clip(0)).clip(0)
+    # Subtract the uniform noise added above, and the rounding beyond that of the floor.
+    y = (y - widths / (12 * _SECOND_DIFFERENCE_GAIN**2) - (widths / 12 - floor**2).clip(0)).clip(0)
     return _line(x, y, counts[used], floor)
 
 

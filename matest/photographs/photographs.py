@@ -1,4 +1,4 @@
-"""Photographs of a scene: pixels as a camera stored them, and what they say of radiance."""
+"""Photographs of a scene: pixels as a camera stored them, and the radiance that they encode."""
 
 from __future__ import annotations
 
@@ -50,11 +50,11 @@ class Photographs:
     def radiance(self, image: int, index: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Measured radiance [n, C] of object pixels, float32."""
         stored = self.stored[image]
-        chosen = stored[index] if isinstance(index, slice) else np.take(stored, index, axis=0)
-        return self.encoding.signal(chosen, index, self.encoding.scale / self.exposures[image])
+        pixels = stored[index] if isinstance(index, slice) else np.take(stored, index, axis=0)
+        return self.encoding.signal(pixels, index, self.encoding.scale / self.exposures[image])
 
     def release(self, image: int) -> None:
-        """Give back the memory of an image's pixels where they lie in a temporary file too."""
+        """Free the memory of an image's pixels if they are mapped from a temporary file."""
         storage.release(self.stored[image])
 
     def samples(
@@ -72,13 +72,13 @@ class Photographs:
             images: whose pixels; None: all.
             distinct: leave out images and channels that add nothing to the others; the samples' `redundancy` names
                 them.
-            every_channel: keep, of `distinct` samples, channels that are copies all the same.
+            every_channel: with `distinct`, keep channels that are copies nevertheless.
             dtype, device: of the tensors.
         """
-        chosen = tuple(range(len(self))) if images is None else tuple(images)
+        selection = tuple(range(len(self))) if images is None else tuple(images)
         if not distinct:
-            return PhotographSamples(self, chosen, dtype, device)
+            return PhotographSamples(self, selection, dtype, device)
         photographs = self if every_channel else without_copies(self)
-        redundant = replace(redundancy(photographs, chosen), channels=self.channels - photographs.channels)
-        kept = tuple(image for image in chosen if image not in redundant.images)
-        return PhotographSamples(photographs, kept, dtype, device, redundant)
+        redundant = replace(redundancy(photographs, selection), channels=self.channels - photographs.channels)
+        distinct_images = tuple(image for image in selection if image not in redundant.images)
+        return PhotographSamples(photographs, distinct_images, dtype, device, redundant)

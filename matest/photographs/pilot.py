@@ -16,7 +16,10 @@ from matest.workers import in_threads
 # Classes of the angle between half vector and normal, degrees: highlights are small and must not be missed.
 _HALF_ANGLES = torch.tensor([2.0, 4.0, 8.0, 16.0, 32.0])
 CLASSES = len(_HALF_ANGLES) + 1
-_CANDIDATES, _FEW = 8, 16_384  # pixels looked at per sample kept; all of fewer
+# Pixels whose half angle is computed for each sample of the pilot: enough to fill small classes.
+_CANDIDATES = 8
+# Images of fewer usable pixels are classified whole: it takes a few milliseconds.
+_ALL_CANDIDATES = 16_384
 
 
 def pilot(pixels: LitPixels, count: int, seed: int) -> list[Batch]:
@@ -28,15 +31,15 @@ def pilot(pixels: LitPixels, count: int, seed: int) -> list[Batch]:
         if not available:
             return []
         generator = np.random.default_rng((seed, position))
-        if available > max(_CANDIDATES * quota, _FEW):
-            # As many pixels as have so many usable ones among them.
-            index = _one_of_each(len(usable), _CANDIDATES * quota * len(usable) // available, generator)
+        if available > max(_CANDIDATES * quota, _ALL_CANDIDATES):
+            # Enough pixels that the wanted number among them is usable.
+            index = _one_per_stratum(len(usable), _CANDIDATES * quota * len(usable) // available, generator)
             index = index[usable[index]]
         else:
             index = np.flatnonzero(usable)
         if len(index) > quota:
             index = _even(pixels, image, index, quota, generator)
-        # One group: so few pixels of a block say nothing of its errors.
+        # One group per image: a block has too few of these pixels to show correlated errors.
         batch = replace(pixels.at(position, index), groups=torch.full((len(index),), position * BLOCKS))
         pixels.photographs.release(image)
         return [batch]
@@ -44,36 +47,36 @@ def pilot(pixels: LitPixels, count: int, seed: int) -> list[Batch]:
     return list(itertools.chain.from_iterable(in_threads(draw, range(len(pixels.images)))))
 
 
-def _one_of_each(length: int, count: int, generator: np.random.Generator) -> np.ndarray:
-    """One place of each of `count` stretches that so many places are cut into: no need to shuffle them all."""
+def _one_per_stratum(length: int, count: int, generator: np.random.Generator) -> np.ndarray:
+    """One random index from each of `count` equal strata of `range(length)`: cheaper than a shuffle."""
     edges = np.arange(count + 1) * length // count
     return edges[:-1] + (generator.random(count) * np.diff(edges)).astype(np.int64)
 
 
 def _even(pixels: LitPixels, image: int, index: np.ndarray, quota: int, generator: np.random.Generator) -> np.ndarray:
-    """`quota` of the pixels `index`, as evenly over the classes of half angle as they are filled."""
+    """`quota` of the pixels `index`, spread as evenly over the classes of half angle as their sizes allow."""
     classes = half_angles(pixels, image, index)
     order = generator.permutation(len(index))
     # Class by class, in random order within each.
     members = order[np.argsort(classes[order], kind="stable")]
     counts = np.bincount(classes, minlength=CLASSES)
     ends = counts.cumsum()
-    chosen, left = [], quota
-    for waiting, label in enumerate(np.argsort(counts)):
-        # Small classes give all they have: the others share what these leave.
-        own = min(int(counts[label]), left // (CLASSES - waiting))
-        chosen.append(members[ends[label] - counts[label] :][:own])
-        left -= own
-    return index[np.sort(np.concatenate(chosen))]
+    selection, remaining = [], quota
+    for done, label in enumerate(np.argsort(counts)):
+        # The smallest classes come first and give all their pixels; the larger ones share the remaining quota.
+        size = min(int(counts[label]), remaining // (CLASSES - done))
+        selection.append(members[ends[label] - counts[label] :][:size])
+        remaining -= size
+    return index[np.sort(np.concatenate(selection))]
 
 
 def half_angles(pixels: LitPixels, image: int, index: np.ndarray) -> np.ndarray:
     """Class of the smallest half angle among the lights that each pixel faces, uint8 [n]."""
-    scene, chosen = pixels.photographs.scene, torch.from_numpy(index)
+    scene, selection = pixels.photographs.scene, torch.from_numpy(index)
     surface, shadows = scene.surface, scene.shadows[image] if scene.shadows else None
-    normals = surface.normals_as(torch.float32).detach().index_select(0, chosen)
-    view = surface.toward_viewer(chosen).detach().float()
-    positions = scene.near_positions(image, chosen)
+    normals = surface.normals_as(torch.float32).detach().index_select(0, selection)
+    view = surface.toward_viewer(selection).detach().float()
+    positions = scene.near_positions(image, selection)
     positions = None if positions is None else positions.detach().float()
     nearest = torch.zeros(len(normals))
     for number, light in enumerate(scene.lights[image]):

@@ -23,11 +23,15 @@ from matest.workers import in_threads
 if TYPE_CHECKING:
     from matest.photographs.photographs import Photographs
 
-# Where cast shadows are unknown, a pixel counts only where its surroundings are this much read noise above black.
-# Rounding counts with that of mid-tones, a quarter of that of white.
-_DARK, _MIDDLE = 3.0, 0.25
-# Blocks of pixels, whose errors may be correlated, across and down an image.
+# Where cast shadows are unknown, a pixel counts as lit where the mean of 3×3 pixels is this many standard deviations of
+# one pixel's noise above black. That is nine of the mean's, which noise alone does not reach.
+_LIT_DEVIATIONS = 3.0
+# Share of the variance of rounding at white that counts there: mid-tones have about a quarter of it.
+_MIDTONE_ROUNDING = 0.25
+# Blocks of pixels along each side of the object: errors may be correlated within a block. Sixteen of them suffice for
+# a jackknife.
 _BLOCKS_ACROSS = 4
+# Blocks of the object.
 BLOCKS = _BLOCKS_ACROSS**2
 
 
@@ -46,11 +50,12 @@ class _Selection(NamedTuple):
 
 
 class LitPixels:
-    """The usable pixels of some images of a photographs.
+    """The usable pixels of some of the photographs.
 
-    Left out, and counted in `skipped`: background, shadowed (attached and cast, with the edge of cast shadows; on a
-    surface known by its normals alone also what is too dark for the sensor), rim (pixels that may mix object and
-    background). Counted as saturated, but not left out: a channel that is says that its radiance is at least so high.
+    `skipped` counts the pixels that are left out: background, shadowed (attached and cast shadows, the latter with
+    their edge; on a surface without a mesh also pixels too dark for the sensor) and rim (pixels that may mix object
+    and background). It also counts pixels with a saturated channel. These are not left out: such a channel says that
+    its radiance is at least that high.
     """
 
     def __init__(
@@ -65,7 +70,7 @@ class LitPixels:
         self.images = images
         self.dtype = dtype
         self.device = device
-        # What was left out of the photographs, and why.
+        # Images and channels that are left out, and why.
         self.redundancy = redundancy or Redundancy()
 
     @cached_property
@@ -117,9 +122,9 @@ class LitPixels:
         return lit if edge is None else lit & ~edge
 
     def _dark(self, image: int) -> np.ndarray:
-        """True where no channel is above the noise: in shadow, where nothing says which pixels are [N].
+        """True where no channel is above the noise, on a surface whose cast shadows cannot be traced [N].
 
-        Judged by the mean of 3×3 pixels: chosen by the noisy pixel itself, what is left over would be biased.
+        The mean of 3×3 pixels decides: a choice by the noisy pixel itself would bias the pixels that remain.
         """
         photographs = self.photographs
         surface = photographs.scene.surface
@@ -128,8 +133,8 @@ class LitPixels:
         signal = surface.image(photographs.encoding.signal(photographs.stored[image], slice(None)).astype(np.float32))
         mean = cv2.blur(signal, (3, 3)).reshape(-1, photographs.channels)[surface.pixels]
         codes = photographs.stored[image].dtype
-        typical = float(rounding(photographs.encoding, codes)[0] * _MIDDLE)
-        return (mean < _DARK * math.hypot(photographs.noise.read, math.sqrt(typical))).all(axis=1)
+        typical = float(rounding(photographs.encoding, codes)[0] * _MIDTONE_ROUNDING)
+        return (mean < _LIT_DEVIATIONS * math.hypot(photographs.noise.read, math.sqrt(typical))).all(axis=1)
 
     @property
     def skipped(self) -> dict[str, int]:
@@ -173,8 +178,8 @@ class LitPixels:
 
     def points(self, image: int, index: np.ndarray) -> Points:
         """Geometry and light of some pixels of an image."""
-        chosen = torch.from_numpy(index.astype(np.int64))
-        return self.photographs.scene.points(image, chosen, dtype=self.dtype, device=self.device)
+        selection = torch.from_numpy(index.astype(np.int64))
+        return self.photographs.scene.points(image, selection, dtype=self.dtype, device=self.device)
 
     def radiance(self, image: int, index: np.ndarray) -> Tensor:
         """Measured radiance of some pixels of an image [n, C]."""
@@ -218,13 +223,13 @@ class LitPixels:
 
     @cached_property
     def blocks(self) -> np.ndarray:
-        """The block of the object's bounding box that each pixel of the surface lies in [N]."""
+        """The block of the object's bounding box that holds each pixel of the surface [N]."""
         surface = self.photographs.scene.surface
         rows, columns = np.divmod(surface.pixels, surface.shape[1])
         return (_cell(rows) * _BLOCKS_ACROSS + _cell(columns)).astype(np.uint8)
 
 
 def _cell(coordinate: np.ndarray) -> np.ndarray:
-    """Which of `_BLOCKS_ACROSS` equal stretches of the object each coordinate falls into."""
+    """Which of `_BLOCKS_ACROSS` equal intervals of the object holds each coordinate."""
     low, span = coordinate.min(), np.ptp(coordinate) + 1
     return (coordinate - low) * _BLOCKS_ACROSS // span

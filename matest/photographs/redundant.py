@@ -1,4 +1,4 @@
-"""Channels and photographs that say nothing that others have not said."""
+"""Channels and photographs that add nothing to the others: copies, and photographs without light."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from matest.samples.redundancy import Redundancy
 if TYPE_CHECKING:
     from matest.photographs.photographs import Photographs
 
-# Pixels that are compared before all of them are.
-_GLANCE = 1024
-# An image is even if no larger share of its pixels differs from most of them.
-_EVEN = 0.01
+# Pixels compared first: they tell most images apart, and the rest of these is not read from disk.
+_EXCERPT = 1024
+# Largest share of pixels that differ from the median in an even image: dust and hot pixels are fewer.
+_EVEN_SHARE = 0.01
 
 
 def without_copies(photographs: Photographs) -> Photographs:
     """One channel where all channels are copies of it: a grey image stored as a coloured one.
 
-    Their noise is the same too; taken for independent it would count as often as there are channels.
+    The noise of the copies is the same. If they counted as independent, it would count once per channel.
     """
     if photographs.channels == 1 or not all(_alike(tensor) for tensor in _colours(photographs)):
         return photographs
@@ -45,11 +45,10 @@ def without_copies(photographs: Photographs) -> Photographs:
 
 
 def redundancy(photographs: Photographs, images: Iterable[int]) -> Redundancy:
-    """Of some images those that add nothing to the others, and those that contradict an earlier one.
+    """The images that add nothing to the others, and those that contradict an earlier one.
 
-    An image adds nothing where no light falls in it as it is stated, or where it is a photograph that is there already,
-    pixel by pixel and under the same light. Images that are even all over contradict none: black and clipped ones are
-    alike whatever the light.
+    An image adds nothing if its stated lights have no power, or if an earlier image has the same pixels under the same
+    light. An even image contradicts none: black and clipped photographs look alike under every light.
     """
     images = tuple(images)
     lit = [image for image in images if _lit(photographs, image)]
@@ -64,32 +63,34 @@ def redundancy(photographs: Photographs, images: Iterable[int]) -> Redundancy:
 
 
 def _twins(photographs: Photographs, images: Iterable[int]) -> dict[int, int]:
-    """Of some images those that are an earlier one pixel by pixel, and which.
+    """The images that equal an earlier one pixel by pixel, each with that one.
 
-    Of several that are, one stated to be under the same light.
+    If several earlier ones are equal, it is one stated to be under the same light.
     """
     twins: dict[int, int] = {}
-    likely: dict[bytes, list[int]] = {}
+    by_excerpt: dict[bytes, list[int]] = {}
     for image in images:
         pixels = photographs.stored[image]
-        # Zeros have two signs.
-        others = likely.setdefault((_glance(pixels) + 0).tobytes(), [])
+        # Adding 0 makes −0 and 0 the same bytes.
+        others = by_excerpt.setdefault((_excerpt(pixels) + 0).tobytes(), [])
         if others:
             same = [other for other in others if np.array_equal(pixels, photographs.stored[other])]
             same.sort(key=lambda other: not _stated_alike(photographs, image, other))
             twins |= {image: same[0]} if same else {}
         others.append(image)
-        # Pixels that lie in a temporary file are not to fill the memory.
+        # Pixels mapped from a temporary file must not stay in memory.
         for other in others:
             photographs.release(other)
     return twins
 
 
 def _varied(pixels: np.ndarray) -> bool:
-    return float((pixels != np.median(pixels, axis=0)).any(axis=1).mean()) > _EVEN
+    """Whether more than a few pixels differ from the median."""
+    return float((pixels != np.median(pixels, axis=0)).any(axis=1).mean()) > _EVEN_SHARE
 
 
 def _lit(photographs: Photographs, image: int) -> bool:
+    """Whether any light of an image is stated to have power."""
     scene = photographs.scene
     return bool((scene.ambient[image] > 0).any()) or any(bool((light.power > 0).any()) for light in scene.lights[image])
 
@@ -104,20 +105,22 @@ def _stated_alike(photographs: Photographs, image: int, other: int) -> bool:
 
 
 def _equal(one: np.ndarray, other: np.ndarray) -> bool:
-    return np.array_equal(_glance(one), _glance(other)) and np.array_equal(one, other)
+    """Whether two arrays are equal, looking at an excerpt first."""
+    return np.array_equal(_excerpt(one), _excerpt(other)) and np.array_equal(one, other)
 
 
-def _glance(pixels: np.ndarray) -> np.ndarray:
-    """A few values from their middle: they tell most images apart, and no more is read of those."""
-    return pixels[len(pixels) // 2 : len(pixels) // 2 + _GLANCE]
+def _excerpt(pixels: np.ndarray) -> np.ndarray:
+    """The first pixels of the second half."""
+    return pixels[len(pixels) // 2 : len(pixels) // 2 + _EXCERPT]
 
 
 def _colours(photographs: Photographs) -> list[Tensor]:
-    """What is known of every channel [..., C], beside the pixels."""
+    """All stated values that have one entry per channel [..., C]."""
     scene = photographs.scene
     wavelength = [] if scene.wavelength is None else [scene.wavelength]
     return [scene.ambient, *wavelength, *(light.power for lights in scene.lights for light in lights)]
 
 
 def _alike(values: Tensor) -> bool:
+    """Whether all channels have the same values."""
     return bool((values == values[..., :1]).all())

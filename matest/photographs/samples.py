@@ -22,7 +22,7 @@ from matest.scene import Surface
 class PhotographSamples(LitPixels):
     """Samples of some photographs: every usable pixel of each.
 
-    What is left out, and counted in `skipped`, is said in `LitPixels`.
+    `LitPixels` says which pixels are left out, and counted in `skipped`.
     """
 
     @property
@@ -75,14 +75,14 @@ class PhotographSamples(LitPixels):
         return pilot(self, count, seed)
 
     def tiles(self, residual_scale: float = 1.0, *, merge: bool = True) -> Tiles:
-        """All samples, a few images at a time; with `merge`, a few stand for every smooth patch of pixels.
+        """All samples, a few images at a time; with `merge`, a few replace the pixels of every smooth square.
 
         `residual_scale` as in `likelihood.about`.
         """
         return ImageTiles(self, residual_scale, merge=merge)
 
     def batches(self, size: int, *, shuffle: bool = False, seed: int = 0, skip: int = 0) -> Iterator[Batch]:
-        """Mini-batches for a training loop of one's own; with `shuffle`, drawn over all images without replacement.
+        """Mini-batches for a training loop; with `shuffle`, drawn over all images without replacement.
 
         Args:
             size: samples per batch; the last one may be smaller.
@@ -95,14 +95,14 @@ class PhotographSamples(LitPixels):
         if shuffle:
             order = np.random.default_rng(seed).permutation(order)
         for first in range(skip * size, len(order), size):
-            chosen = np.sort(order[first : first + size])
-            edges = np.searchsorted(chosen, starts)
-            stretches = [
-                (position, chosen[edges[position] : edges[position + 1]] - starts[position])
+            selection = np.sort(order[first : first + size])
+            edges = np.searchsorted(selection, starts)
+            by_image = [
+                (position, selection[edges[position] : edges[position + 1]] - starts[position])
                 for position in range(len(self.images))
                 if edges[position] < edges[position + 1]
             ]
-            yield join([self.at(position, self.indices(position)[some]) for position, some in stretches])
+            yield join([self.at(position, self.indices(position)[some]) for position, some in by_image])
 
 
 def _unneeded_shadows(surface: Surface) -> list[str]:

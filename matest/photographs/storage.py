@@ -1,4 +1,4 @@
-"""Where the pixels of photographs are kept: in memory up to a budget, in temporary files beyond it."""
+"""Storage of the pixels of photographs: in memory up to a budget, in temporary files beyond it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from threading import Lock
 
 import numpy as np
 
-# Bytes of pixels that stay in memory: what is needed does not grow with the number of images.
+# Bytes of pixels that stay in memory (96 MiB), so that memory does not grow with the number of images.
 MEMORY_BUDGET = 96 << 20
 
 

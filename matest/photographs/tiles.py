@@ -11,7 +11,7 @@ from matest.photographs.pixels import LitPixels
 from matest.samples.batch import join
 from matest.samples.tiles import Tile
 
-# Images worked on at once.
+# Images whose pixels are in memory at once: enough tiles for all workers, and memory does not grow with the images.
 _IMAGES_AT_ONCE = 4
 # Captures with fewer samples are worked on in two tiles: every tile costs as much as a thousand samples.
 _TWO_TILES = 1 << 18
@@ -19,7 +19,7 @@ _TWO_TILES = 1 << 18
 
 @dataclass(frozen=True)
 class ImageTiles:
-    """Every sample, a few images at a time and tile by tile, computed when a worker asks for it.
+    """All samples, a few images at a time and tile by tile; a tile is computed when a worker asks for it.
 
     Attributes:
         pixels: that the samples are of.
@@ -49,5 +49,6 @@ class ImageTiles:
 
 
 def _joined(tiles: Sequence[Sequence[Callable[[], Tile]]]) -> Tile:
+    """One tile of several; empty ones are left out."""
     parts = [tile().batch for some in tiles for tile in some]
     return Tile(join([part for part in parts if len(part)] or parts[:1]))

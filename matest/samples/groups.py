@@ -1,4 +1,4 @@
-"""How samples are grouped: what sums are kept apart by."""
+"""Groups of samples: sums over samples are taken for each group."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from matest.samples.batch import Batch
 class Groups:
     """G groups of samples. Every sample carries the label of its group, and every group belongs to one image.
 
-    A group is a block of neighbouring pixels, whose errors may be correlated; an image is whatever was measured at
-    once, under the same lights and with the same exposure.
+    A group is a block of neighbouring pixels, whose errors may be correlated; an image is a set of values measured
+    at the same time, under the same lights and with the same exposure.
 
     Attributes:
         image: that each group belongs to, int64 [G].

@@ -1,4 +1,4 @@
-"""What a measured value says of the true radiance, and the least squares that stand for it near a reference."""
+"""The likelihood of the true radiance given a measured value, and the least squares that approximate it."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-# Residuals up to this many standard deviations count in full. Of Gaussian noise only one value in 16,000 lies beyond:
-# nothing is lost where there are no outliers.
+# Standard deviations up to which residuals count in full. Only one value in 16,000 of Gaussian noise lies beyond, so
+# that nothing is lost where there are no outliers.
 TRUSTED = 4.0
-# Residuals beyond this many standard deviations do not count at all.
+# Standard deviations beyond which residuals do not count: they are outliers.
 REJECTED = 6.0
-# A value closer to an end of the sensor's range than this many standard deviations may have been clipped, and says
-# little of the fit.
+# Standard deviations from an end of the sensor's range within which a value may be clipped and is no measure of the
+# fit.
 _CLEAR_OF_CLIPPING = 3.0
+# log √(2π), of the normal density.
 _LOG_ROOT_TWO_PI = 0.5 * math.log(2 * math.pi)
 
 
@@ -35,7 +36,7 @@ class Readout(NamedTuple):
         """Noise variance of a pixel of this true `radiance` [n, C]."""
         signal = radiance.clamp(min=0)
         variance = self.read + self.gain * signal
-        # Differentiable at black too.
+        # The clamp keeps the power differentiable at black.
         return variance + self.rounding * signal.clamp(min=1e-12) ** self.power if self.rounding.any() else variance
 
 
@@ -74,11 +75,11 @@ class MeasurementNoise:
 
 
 class Means(NamedTuple):
-    """What samples that stand for several pixels are means of.
+    """The pixels that each sample is the mean of.
 
     Attributes:
-        pixels: how many pixels each sample stands for [n, 1]; its radiance is as precise as their mean.
-        scatter: mean square of what the radiance of those pixels deviates from what stands for them [n, C].
+        pixels: number of pixels that each sample replaces [n, 1]; its radiance is as precise as their mean.
+        scatter: mean square deviation of the radiance of those pixels from the samples [n, C].
     """
 
     pixels: Tensor
@@ -86,7 +87,7 @@ class Means(NamedTuple):
 
 
 class Errors(NamedTuple):
-    """What the relative error of a model is taken of where some values are clipped, all [n, C].
+    """Measured values for the relative error of a model where some are clipped, all [n, C].
 
     Attributes:
         measured: the radiance; of a clipped value the end of the sensor's range.
@@ -98,15 +99,15 @@ class Errors(NamedTuple):
 
 
 class LeastSquares(NamedTuple):
-    """The least-squares problem that stands for the likelihood near a reference, all [n, C].
+    """The least-squares problem that approximates the likelihood near a reference, all [n, C].
 
     Attributes:
         response: the measured radiance; where it was clipped, the reference moved by a Newton step.
         weight: inverse variance, less for what is clipped, 0 for outliers.
         plain: values that a goodness of fit may be judged by: measured, and not near the ends of the sensor's range
             where the reference is too.
-        means: what the samples are means of; None: every sample is one pixel.
-        errors: what a relative error is taken of; None: the response, and all of it.
+        means: the pixels that samples are means of; None: every sample is one pixel.
+        errors: values for the relative error; None: all of the response.
     """
 
     response: Tensor
@@ -119,8 +120,8 @@ class LeastSquares(NamedTuple):
 def first_guess(radiance: Tensor, noise: MeasurementNoise, means: Means | None = None) -> LeastSquares:
     """The problem for a first guess: one variance a channel, clipped values taken as measured.
 
-    Weights that follow the measured radiance would give dark outliers the most of it. A highlight that is saturated is
-    lower than it should be, but there.
+    The variance is that of the median: weights from each measured radiance would be largest for dark outliers. A
+    saturated highlight is too low then, but it is in the data.
     """
     typical = radiance.median(dim=0, keepdim=True).values if len(radiance) else radiance
     weight = _of_means((1 / noise.variance(typical)).expand_as(radiance), means)
@@ -151,7 +152,7 @@ def about(
     variance = noise.variance(reference)
     weight = 1 / variance
     squared = (radiance - reference).square() * weight
-    # Most tiles have no outlier.
+    # Skipped where there is no outlier, as in most tiles.
     far = (TRUSTED * residual_scale) ** 2
     if float(squared.max()) > far:
         weight = _trust(squared.sqrt() / residual_scale) * weight
@@ -160,7 +161,7 @@ def about(
     lower, upper = noise.limits
     std = variance.sqrt()
     plain = (reference - lower > _CLEAR_OF_CLIPPING * std) & (upper - reference > _CLEAR_OF_CLIPPING * std)
-    # What lies far from the reference was not clipped by chance.
+    # Values far from the reference were not clipped by noise.
     plain = plain | (squared > far)
     response, weight = radiance, _of_means(weight, means)
     if noise.clipped is not None and bool(noise.clipped.any()):
@@ -171,18 +172,18 @@ def about(
         end = torch.where(side > 0, upper.expand_as(reference)[at], lower.expand_as(reference)[at])
         z = side * (mean - end) / spread
         trust = _trust(-z)
-        # Beyond what is trusted at all hazard and z would cancel to nothing.
+        # For larger −z, hazard and z would cancel to 0.
         z = z.clamp(min=-REJECTED)
         hazard = torch.exp(-0.5 * z.square() - torch.special.log_ndtr(z) - _LOG_ROOT_TWO_PI)
         response[at] = mean + side * spread / (hazard + z)
         weight[at] = trust * hazard * (hazard + z) / (spread / residual_scale).square()
-        # A clipped value says nothing of how well the model fits, unless it is an outlier.
+        # A clipped value is no measure of the fit, unless it is an outlier.
         plain[at] = trust == 0
     return LeastSquares(response, weight, plain, means, errors_of(reference, radiance, noise))
 
 
 def errors_of(reference: Tensor, radiance: Tensor, noise: MeasurementNoise) -> Errors | None:
-    """What the relative error of a model of radiance `reference` [n, C] is taken of; None where nothing is clipped."""
+    """Values for the relative error of a model of radiance `reference` [n, C]; None where nothing is clipped."""
     if noise.limits is None or noise.clipped is None or not bool(noise.clipped.any()):
         return None
     lower, upper = (end.expand_as(reference) for end in noise.limits)
@@ -206,4 +207,5 @@ def _of_means(weight: Tensor, means: Means | None) -> Tensor:
 
 
 def _trust(deviation: Tensor) -> Tensor:
+    """Weight by the deviation in standard deviations: 1 up to `TRUSTED`, 0 from `REJECTED` on, linear between."""
     return ((REJECTED - deviation) / (REJECTED - TRUSTED)).clamp(0, 1)

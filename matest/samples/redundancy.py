@@ -1,4 +1,4 @@
-"""What samples leave out because others say it already."""
+"""Images and channels that samples leave out because they repeat others."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ class Redundancy:
 
     Attributes:
         images: that are left out, each with the reason as a clause.
-        channels: number of channels that are left out as copies of the one that is there.
-        contradictions: images that hold the pixels of an earlier one, and which, although they are stated to be under
-            other lights or exposures. They are not left out.
+        channels: number of channels left out as copies of the one that is used.
+        contradictions: images with the pixels of an earlier one, each with that one, although their stated lights or
+            exposures differ. They are not left out.
     """
 
     images: Mapping[int, str] = field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""What can be estimated from: the protocol of samples, wherever they come from."""
+"""The protocol of samples: what an estimate is made from, whatever their source."""
 
 from __future__ import annotations
 
@@ -45,13 +45,13 @@ class Samples(Protocol):
         """Number of samples."""
 
     def optics(self, quantity: Role) -> Tensor | None:
-        """What is known of the wavelength of the channels (µm) or the solid angle of the lights (sr)."""
+        """The stated wavelength of the channels (µm) or solid angle of the lights (sr); None: not stated."""
 
     def pilot(self, count: int, seed: int) -> list[Batch]:
-        """About `count` samples that carry most of what all of them say: every angle, every image."""
+        """About `count` samples with every angle and every image, which carry most of the information."""
 
     def tiles(self, residual_scale: float = 1.0) -> Tiles:
-        """All samples, or a few that stand for many; `residual_scale` as in `likelihood.about`."""
+        """All samples, or fewer that replace many; `residual_scale` as in `likelihood.about`."""
 
     def batches(self, size: int, *, shuffle: bool = False, seed: int = 0, skip: int = 0) -> Iterator[Batch]:
-        """All samples in batches of `size` for a training loop; with `skip`, without the first so many."""
+        """All samples in batches of `size` for a training loop; the first `skip` are left out."""

@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Tile:
-    """A batch with what only an estimator needs to know of it.
+    """A batch with data that only an estimator needs.
 
     Attributes:
         batch: the samples.
-        means: what the samples are means of; None: every sample is one pixel.
-        merged: the squares of pixels that the first samples stand for; None: there are none.
-        least_squares: the problem that stands for the likelihood where it is known already; None: to be found.
-        cache: what depends on the points alone, by name, kept by who has computed it; None where samples come and go.
+        means: the pixels that each sample replaces; None: every sample is one pixel.
+        merged: the squares of pixels that the first samples replace; None: there are none.
+        least_squares: the problem that replaces the likelihood, if it is fixed already; None: it is computed.
+        cache: values that depend on the points alone, by name; None where tiles are not kept.
     """
 
     batch: Batch
@@ -47,12 +47,12 @@ class Tile:
         return likelihood.about(reference, self.batch.radiance, self.batch.noise, self.means, residual_scale)
 
 
-# A group is worked on at once.
+# Tiles of one group are computed at the same time, groups one after the other.
 Tiles = Iterable[Sequence[Callable[[], Tile]]]
 
 
 def in_memory(tiles: Iterable[Batch | Tile]) -> list[list[Callable[[], Tile]]]:
-    """Tiles, or batches of single pixels, that are already there."""
+    """Tiles, or batches of single pixels, that are in memory."""
     return [[partial(_itself, tile if isinstance(tile, Tile) else Tile(tile)) for tile in tiles]]
 
 

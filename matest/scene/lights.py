@@ -14,11 +14,11 @@ from matest.errors import InputError
 
 
 class Light(Protocol):
-    """What scenes, shading and photographs ask a light.
+    """A light source as scenes, shading and photographs see it.
 
     Attributes:
         solid_angle: of the source in sr, if known.
-        near: whether its direction and irradiance differ from place to place, so that positions are needed.
+        near: whether direction and irradiance depend on the position on the surface.
         power: irradiance on a facing surface of a distant light, at unit distance of a near one, [C].
     """
 
@@ -86,8 +86,8 @@ class DirectionalLight:
         return positions.new_full((1,), math.inf)
 
     def same_as(self, other: Light) -> bool:
-        same_place = isinstance(other, DirectionalLight) and self.direction.equal(other.direction)
-        return same_place and _same_power(self, other)
+        same_source = isinstance(other, DirectionalLight) and self.direction.equal(other.direction)
+        return same_source and _same_power(self, other)
 
     def channel(self, index: int) -> DirectionalLight:
         return replace(self, irradiance=self.irradiance[index, None])
@@ -131,8 +131,8 @@ class PointLight:
         return (self.position - positions).norm(dim=-1)
 
     def same_as(self, other: Light) -> bool:
-        same_place = isinstance(other, PointLight) and self.position.equal(other.position)
-        return same_place and _same_power(self, other)
+        same_source = isinstance(other, PointLight) and self.position.equal(other.position)
+        return same_source and _same_power(self, other)
 
     def channel(self, index: int) -> PointLight:
         return replace(self, intensity=self.intensity[index, None])

@@ -9,10 +9,12 @@ import numpy as np
 
 from matest.errors import InputError
 
-# A mesh of more faces is not tested for convexity.
-_LARGE = 50_000
-# Edges sharper than this stay edges: the normals of the two faces are not averaged across them.
-_CREASE = np.deg2rad(45)
+# Faces of the largest mesh that is tested for convexity: for more the hull takes longer than shadow rays.
+_MAX_HULL_FACES = 50_000
+# Share of its hull's volume that a convex mesh may lack: rounding of its vertices.
+_CONVEX_TOLERANCE = 1e-4
+# Largest angle between two faces (rad) whose normals are averaged: sharper edges are edges of the object.
+_SMOOTH_ANGLE = np.deg2rad(45)
 
 
 class Mesh:
@@ -30,7 +32,7 @@ class Mesh:
 
         # Merging vertices keeps the faces and their order.
         self._mesh = trimesh.Trimesh(vertices, faces, process=True)
-        self._given = None if normals is None else normals[faces]
+        self._file_normals = None if normals is None else normals[faces]
 
     @classmethod
     def load(cls, path: Path) -> Mesh:
@@ -55,20 +57,20 @@ class Mesh:
                 f"{path}: expected a mesh with triangles and finite vertices; got "
                 f"{len(getattr(mesh, 'faces', ()))} triangles. Export the surface, not only points or lines."
             )
-        return cls(np.asarray(mesh.vertices), np.asarray(mesh.faces), _given_normals(loaded))
+        return cls(np.asarray(mesh.vertices), np.asarray(mesh.faces), _normals_of_file(loaded))
 
     @cached_property
     def _corner_normals(self) -> np.ndarray:
         """A normal for every corner of every face, [F, 3, 3]."""
-        if self._given is not None:
-            return self._given
+        if self._file_normals is not None:
+            return self._file_normals
         from scipy.sparse import coo_matrix
         from scipy.sparse.csgraph import connected_components
 
         mesh = self._mesh
-        smooth = mesh.face_adjacency_angles < _CREASE
+        smooth = mesh.face_adjacency_angles < _SMOOTH_ANGLE
         pairs, edges = mesh.face_adjacency[smooth], mesh.face_adjacency_edges[smooth]
-        # Corners (3·face + place) of two faces on a smooth edge share their normal at both of its vertices.
+        # Corners (3·face + index in the face) of two faces on a smooth edge share their normal at both of its vertices.
         joined = [
             3 * pairs[:, side] + (mesh.faces[pairs[:, side]] == edges[:, end, None]).argmax(axis=1)
             for end in (0, 1)
@@ -85,13 +87,12 @@ class Mesh:
     def convex(self) -> bool:
         """A convex body cannot shadow itself: its shadow rays need not be cast.
 
-        Judged by the volume of the convex hull. Finding out costs more than the rays on a large mesh, which then counts
-        as not convex.
+        Its volume is compared with that of its convex hull. A mesh of many faces counts as not convex.
         """
         mesh = self._mesh
-        if len(mesh.faces) > _LARGE or not mesh.is_watertight:
+        if len(mesh.faces) > _MAX_HULL_FACES or not mesh.is_watertight:
             return False
-        return bool(mesh.volume >= (1 - 1e-4) * mesh.convex_hull.volume)
+        return bool(mesh.volume >= (1 - _CONVEX_TOLERANCE) * mesh.convex_hull.volume)
 
     @cached_property
     def extent(self) -> float:
@@ -139,8 +140,8 @@ class Mesh:
         return RayMeshIntersector(self._mesh)
 
 
-def _given_normals(scene) -> np.ndarray | None:  # type: ignore[no-untyped-def]
-    """Vertex normals that came with the file, or None.
+def _normals_of_file(scene) -> np.ndarray | None:  # type: ignore[no-untyped-def]
+    """Vertex normals stored in the file, or None.
 
     trimesh keeps them in the cache of a single geometry, and drops them when it joins several.
     """

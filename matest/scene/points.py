@@ -1,4 +1,4 @@
-"""Lit surface points: all that shading needs to know of geometry and light."""
+"""Lit surface points: geometry and light as shading needs them."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ def illuminate(
 ) -> Points:
     """Points of a surface under lights, from tensors: differentiable in all of them and in the lights.
 
-    The dtype and device are those of `normals`; the other tensors, and those of the lights, must agree with it. Only
-    directions of unit length mean what they say: pass what an optimiser moves through
-    `torch.nn.functional.normalize` first.
+    The dtype and device are those of `normals`; the other tensors, and those of the lights, must agree with it.
+    Directions must have unit length: pass those that an optimiser changes through `torch.nn.functional.normalize`
+    first.
 
     Args:
         normals: unit normals in world coordinates [N, 3].

@@ -48,7 +48,7 @@ class Scene:
         return len(self.lights)
 
     def optics(self, quantity: Role) -> Tensor | None:
-        """What is known of the wavelength of the channels (µm) or the solid angle of the lights (sr).
+        """The stated wavelength of the channels (µm) or solid angle of the lights (sr); None: not stated.
 
         Raises:
             InputError: lights of different solid angles.
@@ -57,9 +57,9 @@ class Scene:
             return self.wavelength
         angles = {light.solid_angle for lights in self.lights for light in lights}
         if len(angles) > 1:
-            said = ", ".join("none" if angle is None else f"{angle:g}" for angle in sorted(angles, key=str))
+            stated = ", ".join("none" if angle is None else f"{angle:g}" for angle in sorted(angles, key=str))
             raise InputError(
-                f"a mirror-like reflection needs one solid_angle for all lights, but they have {said} sr: give them "
+                f"a mirror-like reflection needs one solid_angle for all lights, but they have {stated} sr: give them "
                 "one, or set it with --fix solid_angle=SR."
             )
         angle = next(iter(angles), None)

@@ -13,7 +13,8 @@ from matest.errors import InputError
 from matest.scene.camera import Camera, frontal
 from matest.scene.mesh import Mesh
 
-# Pixels this near to the silhouette may mix object and background (optics and mask are known to about a pixel).
+# Pixels from the silhouette within which a pixel may mix object and background: optics and mask are accurate to about
+# a pixel each.
 RIM_WIDTH = 2
 
 
@@ -33,7 +34,7 @@ class Surface:
         mesh: that mesh.
         coverage: share of the mask's pixels in which there is a surface.
         eye: position of a perspective camera, [3]; None for a distant viewer.
-        convex: known not to shadow itself, without a mesh that says so.
+        convex: True for a surface without a mesh that cannot shadow itself.
     """
 
     shape: tuple[int, int]
@@ -77,7 +78,7 @@ class Surface:
         """`view` of some pixels, differentiable in eye and positions that require gradients."""
         moving = any(value is not None and value.requires_grad for value in (self.eye, self.positions))
         if moving and self.eye is not None and self.positions is not None:
-            # Anew at every call: an optimiser changes positions in place.
+            # Computed at every call, because an optimiser changes positions in place.
             return _unit(self.eye - self.positions[index])
         return self.view if len(self.view) == 1 else self.view[index]
 
@@ -87,17 +88,17 @@ class Surface:
         out[self.pixels] = values
         return out.reshape(*self.shape, *values.shape[1:])
 
-    def take(self, kept: np.ndarray) -> Surface:
+    def take(self, selection: np.ndarray) -> Surface:
         """The same surface restricted to some of its pixels (boolean [N])."""
-        index = torch.from_numpy(np.flatnonzero(kept))
+        index = torch.from_numpy(np.flatnonzero(selection))
         return replace(
             self,
-            pixels=self.pixels[kept],
+            pixels=self.pixels[selection],
             normals=self.normals[index],
             view=self.view if len(self.view) == 1 else self.view[index],
             positions=None if self.positions is None else self.positions[index],
-            rim=self.rim[kept],
-            faces=None if self.faces is None else self.faces[kept],
+            rim=self.rim[selection],
+            faces=None if self.faces is None else self.faces[selection],
         )
 
 
@@ -125,7 +126,7 @@ def from_mesh(mesh: Mesh, camera: Camera, shape: tuple[int, int], mask: np.ndarr
     positions = origins[hit] + distance[:, None] * directions[hit]
     normals = mesh.interpolated_normals(faces, positions)
     view = -directions[hit]
-    # A smooth-shaded normal may lean away from the viewer at the limb; there it says nothing of the surface.
+    # A smooth-shaded normal may point away from the viewer at the limb; such pixels are left out.
     facing = np.einsum("ij,ij->i", normals, view) > 0
     rim = _rim(
         shape, candidates[hit], distance, camera.footprint(shape, distance), np.einsum("ij,ij->i", normals, view)
@@ -263,8 +264,8 @@ def _rim(
         allowed.flat[pixels] = footprint * (2 + 4 * np.sqrt(2) / np.clip(cos_o, 0.02, None))
         kernel = np.ones((3, 3), np.uint8)
         span = cv2.dilate(depth, kernel) - cv2.erode(depth, kernel)
-        interior = cv2.erode(inside, kernel) > 0
-        inside[interior & (span > allowed)] = 0
+        within = cv2.erode(inside, kernel) > 0
+        inside[within & (span > allowed)] = 0
     size = 2 * RIM_WIDTH + 1
-    kept = cv2.erode(inside, np.ones((size, size), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=1)
-    return kept.flat[pixels] == 0
+    interior = cv2.erode(inside, np.ones((size, size), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=1)
+    return interior.flat[pixels] == 0

@@ -11,8 +11,12 @@ from matest.scene.lights import Light
 from matest.scene.surface import Surface
 from matest.workers import in_threads
 
-# Rays that find how much of the sky a pixel sees, and pixels worked on at once.
-_SKY_RAYS, _SKY_TILE = 128, 8_192
+# Rays that measure how much of the sky a pixel sees: the error is about 1 % of the sky.
+_SKY_RAYS = 128
+# Pixels whose sky is traced at once: a million rays, some 50 MB.
+_SKY_PIXELS = 8_192
+# Distance of a ray's origin from its facet, as a share of the mesh's extent: rays then miss the facet itself.
+_RAY_OFFSET = 1e-4
 
 
 def cast_shadows(surface: Surface, light: Light) -> np.ndarray | None:
@@ -20,7 +24,7 @@ def cast_shadows(surface: Surface, light: Light) -> np.ndarray | None:
 
     A convex body, and a surface known only by its normals, cast no shadow rays. Where the facet faces away from the
     light although the smooth normal does not, the ray starts inside the body and the pixel counts as shadowed: on a
-    coarse mesh nobody knows where the terminator runs.
+    coarse mesh the place of the terminator is unknown.
     """
     if surface.mesh is None or surface.faces is None or surface.mesh.convex:
         return None
@@ -30,7 +34,7 @@ def cast_shadows(surface: Surface, light: Light) -> np.ndarray | None:
     directions = np.ascontiguousarray(np.broadcast_to(toward.detach().numpy(), positions.shape))
     # Facing away, the pixel is dark anyway: no ray.
     facing = np.flatnonzero(np.einsum("ij,ij->i", surface.normals.numpy(), directions) > 0)
-    offset = 1e-4 * mesh.extent
+    offset = _RAY_OFFSET * mesh.extent
     origins = positions[facing] + offset * mesh.face_normals(surface.faces[facing])
     faces, distance = mesh.first_hits(origins, directions[facing])
     shadow = np.zeros(len(surface), dtype=bool)
@@ -39,10 +43,10 @@ def cast_shadows(surface: Surface, light: Light) -> np.ndarray | None:
 
 
 def unoccluded_fraction(surface: Surface) -> np.ndarray | None:
-    """Share of the light of an even sky that reaches each pixel, f = (1/π) ∫ N·L dω over what is free [N], float32.
+    """Share of an even sky's light that reaches each pixel, f = (1/π) ∫ N·L dω over the unoccluded sky, float32 [N].
 
-    None where nothing can stand in the way (see `cast_shadows`). 128 rays a pixel, dense as the cosine, the same set
-    turned by a random angle from pixel to pixel: about 1 % of the sky.
+    None where nothing can stand in the way (see `cast_shadows`). 128 rays a pixel with a density proportional to the
+    cosine, the same set turned by a random angle at each pixel: accurate to about 1 % of the sky.
 
     Source: Cook & Torrance 1982, the factor f of the ambient term.
     """
@@ -50,14 +54,14 @@ def unoccluded_fraction(surface: Surface) -> np.ndarray | None:
         return None
     assert surface.positions is not None
     mesh = surface.mesh
-    # About the facet, not the smooth normal: no ray sets out into the body.
+    # The hemisphere is that of the facet, not of the smooth normal: no ray starts into the body.
     normals = mesh.face_normals(surface.faces)
-    origins = surface.positions.numpy() + 1e-4 * mesh.extent * normals
+    origins = surface.positions.numpy() + _RAY_OFFSET * mesh.extent * normals
     axis = np.where(np.abs(normals[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
     tangent = np.cross(axis, normals)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     bitangent = np.cross(normals, tangent)
-    # Points of a sunflower in the unit disc, lifted onto the hemisphere, are dense as the cosine.
+    # A sunflower pattern in the unit disc, projected up to the hemisphere, has a density proportional to the cosine.
     number = np.arange(_SKY_RAYS) + 0.5
     radius, angle = np.sqrt(number / _SKY_RAYS), number * (math.pi * (3 - math.sqrt(5)))
     turn = np.random.default_rng(0).uniform(0, 2 * math.pi, len(surface))
@@ -71,7 +75,7 @@ def unoccluded_fraction(surface: Surface) -> np.ndarray | None:
         start = np.repeat(origins[part], _SKY_RAYS, axis=0)
         free[part] = 1 - mesh.blocked(start, toward.reshape(-1, 3)).reshape(-1, _SKY_RAYS).mean(axis=1)
 
-    list(in_threads(trace, np.array_split(np.arange(len(surface)), max(len(surface) // _SKY_TILE, 1))))
+    list(in_threads(trace, np.array_split(np.arange(len(surface)), max(len(surface) // _SKY_PIXELS, 1))))
     return free
 
 
@@ -83,6 +87,6 @@ def shadow_edges(surface: Surface, shadow: np.ndarray) -> np.ndarray:
     kernel = np.ones((3, 3), np.uint8)
     inside = surface.mask.astype(np.uint8)
     grown = cv2.dilate(image, kernel)
-    # Outside the object there is no shadow to speak of: the silhouette is no shadow edge.
+    # The background counts as shadowed here, so that the silhouette is no shadow edge.
     shrunk = cv2.erode(np.where(inside > 0, image, 1).astype(np.uint8), kernel)
     return (grown != shrunk).flat[surface.pixels]
