@@ -8,27 +8,27 @@ from dataclasses import dataclass, field
 from matest.errors import InputError
 
 Value = float | Sequence[float]
-# The name by which `estimate` is asked to choose the model itself.
+# The model name that asks `estimate` to choose the model.
 AUTO = "auto"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """What to estimate, and how. What does not hang on a capture is checked here.
+    """What to estimate, and how. What does not depend on a capture is checked here.
 
     Attributes:
-        model: an expression such as "oren-nayar+torrance-sparrow", or "auto"; None where nobody named one.
+        model: an expression such as "oren-nayar+torrance-sparrow", or "auto"; None: the user named none.
         fix: values of parameters that are not estimated, by name or path.
         free: parameters estimated although they are held by default.
         tie: dependent parameter -> the one whose value it takes.
         holdout: images to leave out of the fit.
-        precision: relative standard error of every parameter that is enough, 0 to 1; None: read every pixel.
+        precision: relative standard error of every parameter that suffices, 0 to 1; None: read every pixel.
         seed: of the subsample that the search starts from.
         device: where tiles are evaluated ("cpu", "cuda").
         transfer: how pixels encode light: "linear", "srgb" or a gamma; None: as the capture says.
 
     Raises:
-        InputError: a precision that is none.
+        InputError: a precision outside 0 to 1.
     """
 
     model: str | None = None
@@ -49,14 +49,14 @@ class Options:
 
     @property
     def automatic(self) -> bool:
-        """Whether the images are to choose the model."""
+        """Whether the estimate chooses the model."""
         return self.model in (None, AUTO)
 
     def fitted_images(self, count: int) -> tuple[int, ...]:
-        """The images, of `count`, that are not left out.
+        """Indices of the images, out of `count`, that the fit uses.
 
         Raises:
-            InputError: an image that there is not, or none left.
+            InputError: an index that no image has, or every image held out.
         """
         for image in self.holdout:
             if not 0 <= image < count:

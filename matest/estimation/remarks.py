@@ -1,4 +1,4 @@
-"""What is said of an estimate: how the fit went, and what was not computed."""
+"""Remarks on an estimate: how the fit went, and what was not computed."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from matest.samples.account import Account, AccountedSamples
 
 
 def message(solution: Solution, bars: ErrorBars, unread: int) -> str:
-    """How the fit went, as a sentence; `unread` samples were not needed for the precision asked for."""
+    """How the fit went, as a sentence; `unread` is the number of samples that the precision did not need."""
     if not solution.converged:
         return (
             f"Not converged: after {solution.iterations} passes the next step would still move the estimate by "
             f"{solution.last_step:.2g} standard errors"
             + ("." if bars.holds else f", and the model does not hold to the noise ({bars.reason}).")
         )
-    told = "Converged to the precision asked for on a subsample" if unread else "Converged"
+    outcome = "Converged to the precision asked for on a subsample" if unread else "Converged"
     if bars.holds:
-        return f"{told}; the model describes the images to their noise (reduced χ² {bars.chi2:.2f})."
+        return f"{outcome}; the model describes the images to their noise (reduced χ² {bars.chi2:.2f})."
     if bars.kind == "fisher":
-        return f"{told}; residuals are {math.sqrt(bars.chi2):.3g} times the noise, error bars scaled by that."
-    return f"{told}; the model does not hold to the noise ({bars.reason}), so error bars come from the {bars.kind}."
+        return f"{outcome}; residuals are {math.sqrt(bars.chi2):.3g} times the noise, error bars scaled by that."
+    return f"{outcome}; the model does not hold to the noise ({bars.reason}), so error bars come from the {bars.kind}."
 
 
 def unread_samples(samples: AccountedSamples, solution: Solution) -> int:
-    """How many samples were not needed for the precision asked for."""
+    """How many samples the precision that the user asked for did not need."""
     return max(len(samples) - int(solution.statistics.total("samples")), 0)
 
 
@@ -42,34 +42,34 @@ def skipped(
     """What was not computed, and why; counts of pixels are over all images.
 
     Args:
-        samples: those of the images that were worked on.
-        solution: what they gave.
+        samples: that were fitted.
+        solution: of the fit.
         held_out: number of images left out of the fit.
-        candidates: models that were tried before one was chosen; their lobes that it lacks are not supported.
+        candidates: models that `auto` tried.
     """
-    done, account = Pass(samples, solution), samples.account
+    fit_pass, account = Pass(samples, solution), samples.account
     counts = {
-        "redundant": done.merged,
-        "unread": done.unread,
+        "redundant": fit_pass.merged,
+        "unread": fit_pass.unread,
         "idle": len(account.redundancy.images) * account.pixels,
         "held_out": held_out * account.pixels,
     }
     tried = {part: None for candidate in candidates for part in candidate.model.split("+")}
     lobes = [part for part in tried if not MODELS[part].body]
     taken = {*solution.problem.brdf.expression.split("+")}
-    # Where one lobe is there the others are its rivals.
+    # Where the model has a lobe, the other lobes were alternatives to it, not parts that it does without.
     components = [] if taken & {*lobes} else lobes
-    work = [note for rule in WORK_SAVED for note in rule(done)]
+    work = [note for rule in WORK_SAVED for note in rule(fit_pass)]
     return {"components": components, "samples": {**account.skipped, **counts}, "work": work}
 
 
 @dataclass(frozen=True)
 class Pass:
-    """A pass over samples, for the rules on what it saved.
+    """A pass over samples, as the rules on saved work read it.
 
     Attributes:
-        samples: those of the images that were worked on.
-        solution: what they gave.
+        samples: that were fitted.
+        solution: of the fit.
     """
 
     samples: AccountedSamples
@@ -85,54 +85,54 @@ class Pass:
 
     @property
     def merged(self) -> int:
-        """Samples that others stand for."""
+        """Number of samples that were merged into others."""
         statistics = self.solution.statistics
         return max(int(statistics.total("samples") - statistics.total("evaluated")), 0)
 
 
-def _idle_images(done: Pass) -> Iterator[str]:
-    for image, reason in done.account.redundancy.images.items():
-        yield f"image {image} ({done.account.names[image]}): {reason}"
+def _idle_images(fit_pass: Pass) -> Iterator[str]:
+    for image, reason in fit_pass.account.redundancy.images.items():
+        yield f"image {image} ({fit_pass.account.names[image]}): {reason}"
 
 
-def _copied_channels(done: Pass) -> Iterator[str]:
-    if copies := done.account.redundancy.channels:
+def _copied_channels(fit_pass: Pass) -> Iterator[str]:
+    if copies := fit_pass.account.redundancy.channels:
         yield f"{copies} channels: they are copies of the first in every image"
 
 
-def _merged_pixels(done: Pass) -> Iterator[str]:
-    if done.merged:
+def _merged_pixels(fit_pass: Pass) -> Iterator[str]:
+    if fit_pass.merged:
         yield (
-            f"shading of {done.merged:,} pixels: over smooth squares of 7×7 or 21×21 it is bilinear or biquadratic, "
-            "four or nine samples carry what all say"
+            f"shading of {fit_pass.merged:,} pixels: over smooth squares of 7×7 or 21×21 it is bilinear or "
+            "biquadratic, four or nine samples carry what all say"
         )
 
 
-def _unread_samples(done: Pass) -> Iterator[str]:
-    if done.unread:
-        yield f"reading {done.unread:,} samples: the others give the precision asked for"
+def _unread_samples(fit_pass: Pass) -> Iterator[str]:
+    if fit_pass.unread:
+        yield f"reading {fit_pass.unread:,} samples: the others give the precision asked for"
 
 
-def _light_and_shape(done: Pass) -> Iterator[str]:
-    yield from done.account.geometry
+def _light_and_shape(fit_pass: Pass) -> Iterator[str]:
+    yield from fit_pass.account.geometry
 
 
-def _colour(done: Pass) -> Iterator[str]:
-    problem = done.solution.problem
-    values = problem.values(done.solution.unknowns)
+def _colour(fit_pass: Pass) -> Iterator[str]:
+    problem = fit_pass.solution.problem
+    values = problem.values(fit_pass.solution.unknowns)
     alike = all(values[name].numel() == 1 for name in problem.shaping)
-    if alike and done.account.one_light_each and problem.channels > 1:
+    if alike and fit_pass.account.one_light_each and problem.channels > 1:
         yield "colour: each image has one light, shapes are evaluated once for all channels"
 
 
-def _second_body(done: Pass) -> Iterator[str]:
-    problem = done.solution.problem
+def _second_body(fit_pass: Pass) -> Iterator[str]:
+    problem = fit_pass.solution.problem
     for name in problem.held:
         if beside_body(problem.brdf, name) and float(problem.held[name]) == 0:
             yield f"{name}: another component is the diffuse one"
 
 
-# What was not computed, in the order in which it is told.
+# In the order of the sentences.
 WORK_SAVED: tuple[Callable[[Pass], Iterator[str]], ...] = (
     _idle_images,
     _copied_channels,

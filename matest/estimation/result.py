@@ -22,18 +22,18 @@ class Fit:
 
     Attributes:
         rmse: root mean square residual, radiance.
-        relative_rmse: that over the rms radiance, of all usable values: saturated ones count where the model lies
+        relative_rmse: rmse over the rms radiance, of all usable values: saturated ones count where the model lies
             below the clip, outliers count.
         relative_rmse_trimmed: the same without outliers.
         reduced_chi2: sum of squared residuals in units of the noise variance, per degree of freedom.
         samples: usable samples (pixels of all images); saturated ones come on top, as lower bounds of their radiance.
-        samples_used: of those, the ones in the final pass.
-        outliers: share of the values that lie too far from the model to be believed and were left out.
-        values_left_out: their number.
+        samples_used: usable samples that the final pass read.
+        outliers: share of the values left out because they lie too far from the model.
+        values_left_out: number of these values.
         iterations: evaluations over all samples (all from one pass where the model separates).
         status: "converged" or "not converged".
-        message: the same as a sentence.
-        errors: what the error bars rest on: "fisher", "jackknife over images" or "jackknife over blocks".
+        message: how the fit went, as a sentence.
+        errors: how the error bars were made: "fisher", "jackknife over images" or "jackknife over blocks".
     """
 
     rmse: float
@@ -52,14 +52,14 @@ class Fit:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A model that was tried.
+    """A model that `auto` tried.
 
     Attributes:
         model: its expression.
-        score: error on images left out relative to their signal, over a sample even over angles: what models are
-            compared by.
-        relative_rmse: error on images left out, over all usable values, as that of a fit.
-        reason: why it was taken or not.
+        score: error on images left out relative to their signal, over a sample even over angles; models are compared
+            by it.
+        relative_rmse: error on images left out, over all usable values, as in `Fit`.
+        reason: why the model was chosen or not.
     """
 
     model: str
@@ -80,7 +80,7 @@ class Estimate:
         labels: names of the rows of `correlation`.
         correlation: of the estimates, [P][P].
         fit: quality of the fit.
-        relative: light known up to one common scale, so albedo-like parameters are too.
+        relative: the common scale of the lights is unknown, and that of albedo-like parameters with it.
         candidates: models tried by `auto`.
         skipped: what was not computed, and why: components, samples, work.
         timing_s: seconds per stage.
@@ -106,7 +106,7 @@ class Estimate:
 
     @property
     def channels(self) -> int:
-        """Number of values of the parameters that have one per channel; 1 if none has."""
+        """Number of channels of the parameters; 1 if no parameter has one value per channel."""
         return max((len(p.value) for p in self.parameters.values() if isinstance(p.value, list)), default=1)
 
     def to_dict(self) -> dict[str, Any]:
@@ -130,16 +130,16 @@ class Estimate:
     def material_dict(self) -> dict[str, Any]:
         """The content of `material.json`: the model and the values that shading needs.
 
-        Those that the images do not determine are among them (they belong to the best fit, one of many), and named.
+        Values that the images do not determine are those of the best fit; `not_determined` names them.
         """
         values = {name: value.tolist() for name, value in self.material.parameters.items()}
         radiometry = "relative" if self.relative else "absolute"
-        lost = [name for name, parameter in self.parameters.items() if parameter.status == "not determined"]
-        return {"model": self.model, "radiometry": radiometry, "parameters": values, "not_determined": lost}
+        not_determined = [name for name, parameter in self.parameters.items() if parameter.status == "not determined"]
+        return {"model": self.model, "radiometry": radiometry, "parameters": values, "not_determined": not_determined}
 
 
 def material_is_relative(path: str | Path) -> bool:
-    """Whether a stored material was estimated under lights of unknown strength: its albedo has a free scale."""
+    """Whether a stored material was estimated under lights of unknown scale: its albedo then has an unknown scale."""
     return _read_material(path).get("radiometry") == "relative"
 
 
@@ -147,12 +147,12 @@ def load_material(path: str | Path) -> Brdf:
     """The material of a result folder (or of its `material.json`), ready for shading.
 
     Raises:
-        InputError: there is none, or it cannot be read.
+        InputError: no such file, or a file that cannot be read.
     """
     content = _read_material(path)
     try:
         brdf, _ = model(content["model"])
-        # Under relative radiometry an albedo may pass 1: tensors are taken as they are.
+        # Under relative radiometry an albedo may exceed 1: `replace` does not check tensors.
         values = {key: torch.as_tensor(value, dtype=torch.float64) for key, value in content["parameters"].items()}
         return brdf.replace(values)
     except InputError as error:

@@ -1,4 +1,4 @@
-"""What a user should know of an estimate, in sentences: small rules, each with its own."""
+"""Warnings of an estimate: a list of small rules, each with its own sentence."""
 
 from __future__ import annotations
 
@@ -17,33 +17,33 @@ from matest.inference.quantities import ParameterEstimate
 from matest.parameters import OPTICS, Role
 from matest.samples.account import Account, AccountedSamples
 
-# The geometry should cover more than this share of the mask.
-_COVERED = 0.5
-# A relative rms error above this is poor.
-_POOR = 0.15
-# With a share of outliers above this a poor fit is not due to noise alone.
-_SOME_OUTLIERS = 0.001
-# A share of outliers above this is worth a word.
+# Share of the mask that the geometry should cover: less of it points to a wrong camera or wrong units of the mesh.
+_MIN_COVERAGE = 0.5
+# Relative rms error above which a mistake in the set-up is likelier than a model that is a little off.
+_POOR_ERROR = 0.15
+# Share of outliers above which noise alone does not explain a poor fit.
+_OUTLIERS_BEYOND_NOISE = 0.001
+# Share of outliers above which the user is told.
 _MANY_OUTLIERS = 0.005
-# χ² per value from which on an image is looked for that spoils it.
-_MISFIT = 1.5
-# Without an image that is odd χ² per value falls below this,
-_MET = 1.1
-# or to less than this share: a model that fits none of the images does not fit the others.
-_SHARE = 0.1
-# Of fewer images none is odd.
-_FEW = 3
+# χ² per value above which one image is looked for that spoils the fit.
+_SPOILT_CHI2 = 1.5
+# An image spoils the fit if χ² per value without it falls below this, where the model holds for the others,
+_MET_CHI2 = 1.1
+# or below this share of χ² per value with it: a model that fits no image does not gain that much from leaving one out.
+_SPOILT_SHARE = 0.1
+# With fewer images the others do not tell which one is odd.
+_MIN_IMAGES = 3
 
 
 @dataclass(frozen=True)
 class Context:
-    """An estimate, for the rules on what to warn of.
+    """An estimate, as the rules read it.
 
     Attributes:
-        samples: that it was made from.
-        specification: what was asked for.
-        solution, posterior: what came out.
-        precision: that was asked for.
+        samples: that were fitted.
+        specification: what was to be estimated.
+        solution, posterior: the result of the fit.
+        precision: relative standard error that the user asked for; None: no such wish.
     """
 
     samples: AccountedSamples
@@ -65,20 +65,25 @@ class Context:
         return float(self.solution.problem.held[name])
 
     @cached_property
-    def lost(self) -> list[str]:
-        """What is not determined, lengths aside of which only a ratio is seen."""
+    def not_determined(self) -> list[str]:
+        """Parameters that are not determined, except those that a derived quantity stands for."""
         names = [name for name, parameter in self.parameters.items() if parameter.status == "not determined"]
         return [name for name in names if not known_by_derived(self.solution.problem, name)]
 
     @cached_property
-    def lost_together(self) -> list[str]:
+    def seen_together(self) -> list[str]:
         """Those of them of which the samples see only a combination."""
-        together = [name for name in self.lost if name in self.posterior.seen_together]
+        together = [name for name in self.not_determined if name in self.posterior.seen_together]
         return together if len(together) > 1 else []
+
+    @cached_property
+    def not_determined_alone(self) -> list[str]:
+        """The rest of them."""
+        return [name for name in self.not_determined if name not in self.seen_together]
 
 
 def warnings(context: Context) -> list[str]:
-    """What a user should know of an estimate, in sentences."""
+    """The sentences of all rules that apply to an estimate."""
     return [warning for rule in RULES for warning in rule(context)]
 
 
@@ -98,10 +103,10 @@ def _held_by_default(context: Context) -> Iterator[str]:
 
 
 def _f0_too_low(context: Context) -> Iterator[str]:
-    """An amplitude at its upper end where the model does not hold: its lobe is brighter than `f0` lets it be."""
+    """The model does not hold and an amplitude is at its upper end: the held `f0` keeps the lobe too dark."""
     problem = context.solution.problem
     held = context.specification.default_held
-    # By the component of a sum that they belong to.
+    # By the component of the sum that has it.
     fresnel = {name.rpartition(".")[0]: name for name in held if problem.declared(name).role is Role.FRESNEL}
     for name, parameter in context.parameters.items():
         f0 = fresnel.get(name.rpartition(".")[0])
@@ -125,7 +130,7 @@ def _assumed_optics(context: Context) -> Iterator[str]:
 
 def _little_geometry(context: Context) -> Iterator[str]:
     coverage = context.account.coverage
-    if coverage < _COVERED:
+    if coverage < _MIN_COVERAGE:
         yield f"The geometry covers only {coverage:.0%} of the mask: check the camera and the mesh's units."
 
 
@@ -150,7 +155,7 @@ def _twin_images(context: Context) -> Iterator[str]:
 
 def _odd_image(context: Context) -> Iterator[str]:
     bars = context.posterior.bars
-    odd = None if bars.holds or bars.chi2 < _MISFIT else _without_one(context)
+    odd = None if bars.holds or bars.chi2 < _SPOILT_CHI2 else _without_one(context)
     if odd is not None:
         position, chi2 = odd
         image = context.account.images[position]
@@ -178,9 +183,9 @@ def _outliers(context: Context) -> Iterator[str]:
 
 def _poor_fit(context: Context) -> Iterator[str]:
     statistics = context.solution.statistics
-    by_noise = context.posterior.bars.holds and statistics.outliers <= _SOME_OUTLIERS
-    # Outliers are told by themselves.
-    if statistics.relative_rmse_trimmed > _POOR and not by_noise:
+    by_noise = context.posterior.bars.holds and statistics.outliers <= _OUTLIERS_BEYOND_NOISE
+    # Outliers have a warning of their own.
+    if statistics.relative_rmse_trimmed > _POOR_ERROR and not by_noise:
         yield (
             f"The model misses the images by {statistics.relative_rmse_trimmed:.0%}: check encoding.transfer, the "
             "directions of the lights, and that normals have y up and z toward the viewer, or try another model."
@@ -188,15 +193,14 @@ def _poor_fit(context: Context) -> Iterator[str]:
 
 
 def _seen_together(context: Context) -> Iterator[str]:
-    if names := context.lost_together:
+    if names := context.seen_together:
         yield f"{' and '.join(names)} are not determined: these images see only a combination of them; fix one."
 
 
 def _not_determined(context: Context) -> Iterator[str]:
-    alone = [name for name in context.lost if name not in context.lost_together]
-    if alone:
-        told = [name + _channels(context.parameters[name]) for name in alone]
-        yield f"{' and '.join(told)} {'are' if len(alone) > 1 else 'is'} not determined by these images."
+    if names := context.not_determined_alone:
+        labels = [name + _channels(context.parameters[name]) for name in names]
+        yield f"{' and '.join(labels)} {'are' if len(names) > 1 else 'is'} not determined by these images."
 
 
 def _lobes_not_seen(context: Context) -> Iterator[str]:
@@ -216,7 +220,7 @@ def _estimated_noise(context: Context) -> Iterator[str]:
 
 
 def _imprecise(context: Context) -> Iterator[str]:
-    """What could not be estimated to the precision asked for."""
+    """All samples together do not give the precision that the user asked for."""
     parameters, precision = context.parameters, context.precision
     errors = {
         name: max(abs(std / value) for value, std in _numbers(parameter) if value and std is not None)
@@ -225,11 +229,13 @@ def _imprecise(context: Context) -> Iterator[str]:
     }
     missed = [f"{name} ({error:.2g})" for name, error in errors.items() if precision is not None and error > precision]
     if missed:
-        missed += [f"{name} (not at all)" for name, found in parameters.items() if found.status == "not determined"]
+        missed += [
+            f"{name} (not at all)" for name, parameter in parameters.items() if parameter.status == "not determined"
+        ]
         yield f"All pixels together do not give the precision of {precision:g} that was asked for: {', '.join(missed)}."
 
 
-# In the order in which they are told.
+# In the order of the sentences.
 RULES: tuple[Callable[[Context], Iterator[str]], ...] = (
     _relative_radiometry,
     _held_by_default,
@@ -261,28 +267,30 @@ def _numbers(parameter: ParameterEstimate) -> list[tuple[float | None, float | N
 
 
 def _channels(parameter: ParameterEstimate) -> str:
-    """Which channels of a parameter are not determined, where others are."""
+    """Words for the channels of a parameter that are not determined; empty if all are or none is."""
     values = parameter.value if isinstance(parameter.value, list) else []
-    lost = [str(channel) for channel, value in enumerate(values) if value is None]
-    return f" of channel {', '.join(lost)}" if 0 < len(lost) < len(values) else ""
+    channels = [str(channel) for channel, value in enumerate(values) if value is None]
+    return f" of channel {', '.join(channels)}" if 0 < len(channels) < len(values) else ""
 
 
 def _without_one(context: Context) -> tuple[int, float] | None:
-    """The position of the one image without which the others are met far better, and χ² per value then; or None.
+    """The position of the image that spoils the fit, and χ² per value without it; None: no image does.
 
-    Without it every other unknown moves by a Gauss-Newton step.
+    The optimum without an image is taken one Gauss-Newton step away from the one with it.
     """
     images = context.solution.statistics.regrouped(context.samples.groups.image)
-    if len(images) < _FEW:
+    if len(images) < _MIN_IMAGES:
         return None
     total, slope = images.information, images.gradient
     costs, values = images.column("cost"), images.column("values")
-    left = []
+    unknowns = torch.ones(len(total), dtype=torch.bool)
+    chi2_without = []
     for image in range(len(images)):
         information, gradient = total - images.only(image).information, slope - images.only(image).gradient
-        everything = torch.ones(len(total), dtype=torch.bool)
-        gain = float(gradient @ fisher(information, everything).matrix @ gradient)
-        left.append(float(costs.sum() - costs[image] - gain) / max(float(values.sum() - values[image]), 1.0))
-    best = min(range(len(left)), key=lambda image: left[image])
+        gain = float(gradient @ fisher(information, unknowns).matrix @ gradient)
+        remaining = max(float(values.sum() - values[image]), 1.0)
+        chi2_without.append(float(costs.sum() - costs[image] - gain) / remaining)
+    worst = min(range(len(images)), key=lambda image: chi2_without[image])
     chi2 = float(costs.sum()) / max(float(values.sum()), 1.0)
-    return (int(images.labels[best]), left[best]) if left[best] < max(_MET, _SHARE * chi2) else None
+    spoils = chi2_without[worst] < max(_MET_CHI2, _SPOILT_SHARE * chi2)
+    return (int(images.labels[worst]), chi2_without[worst]) if spoils else None
