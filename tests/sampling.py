@@ -94,11 +94,17 @@ def draw(brdf: Brdf, shape: tuple[int, ...], seed: int) -> Brdf:
 
 
 def corners(brdf: Brdf, dtype: torch.dtype) -> Brdf:
-    """The model at every combination of lower end, present value and upper end of its parameters: values [k, 1, 1]."""
+    """The model at every combination of lower end, present value and upper end of its parameters: values [k, 1, 1].
+
+    Parameters that only multiply shapes are taken at their ends: between them a term is finite where it is at the end
+    at which the factor is not zero.
+    """
+    shaping = {name for term in brdf.structure.terms for name in term.shape_parameters}
     levels = []
     for name, declared in brdf.declared.items():
         upper = 10.0 if math.isinf(declared.domain.upper) else declared.domain.upper
-        levels.append(torch.tensor([declared.domain.lower, brdf.parameters[name].item(), upper], dtype=dtype))
+        present = [brdf.parameters[name].item()] if name in shaping else []
+        levels.append(torch.tensor([declared.domain.lower, *present, upper], dtype=dtype))
     grid = torch.cartesian_prod(*levels).reshape(-1, len(levels))
     return brdf.replace({name: grid[:, i].reshape(-1, 1, 1) for i, name in enumerate(brdf.declared)})
 
