@@ -74,8 +74,8 @@ def test_every_peer_reaches_the_optimum_from_the_middle_of_the_domain(expression
         solvers.lbfgs(task),
         solvers.least_squares(task),
         hand_written.levenberg_marquardt(task, prepare),
-        solvers.adam(task, 0.1, None, lambda trace: trace.settled(optimum, 30)),
-        solvers.adam(task, 0.03, 2000, lambda trace: trace.settled(optimum, 30)),
+        solvers.adam(task, None, 0.1, lambda trace: trace.settled(optimum, 30)),
+        solvers.adam(task, 2000, 0.03, lambda trace: trace.settled(optimum, 30)),
     ):
         assert distance(trace.values[-1], optimum) < 0.01
         assert trace.arrival(optimum) is not None
@@ -94,7 +94,7 @@ def test_a_solver_that_is_out_of_time_hands_over_what_it_has(solve: Callable[...
 def test_compiled_solvers_do_the_same_as_eager_ones() -> None:
     task = task_of("oren-nayar")
     steps = [
-        solvers.adam(task, 0.1, None, lambda trace: len(trace.values) == 5, compiled=compiled).values[-1]
+        solvers.adam(task, None, 0.1, lambda trace: len(trace.values) == 5, compiled=compiled).values[-1]
         for compiled in (False, True)
     ]
     assert distance(*steps) < 1e-4

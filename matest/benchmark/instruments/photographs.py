@@ -113,14 +113,15 @@ class Subject:
 
     def ideal(self) -> Capture:
         """Without noise, rounding, outliers and clipping; but pixels that would be saturated count as such."""
-        scale = self.scale
-        return self._capture([(image / scale + self.sensor.black).astype(np.float32) for image in self.radiance])
+        encoding = self._encoding()
+        pixels = [(image / encoding.scale + encoding.black).astype(np.float32) for image in self.radiance]
+        return self._capture(pixels, encoding)
 
     def photograph(self) -> Capture:
         """As the sensor stores it. The same subject gives the same pixels every time."""
         sensor, conditions = self.sensor, self.sensor.conditions
         generator = np.random.default_rng([crc32(self.material.expression.encode()), self.seed, conditions.bits])
-        encoding, stored = self._encoding, []
+        encoding, stored = self._encoding(), []
         for image in self.radiance:
             signal = image / encoding.scale
             spread = np.sqrt(sensor.noise.read**2 + sensor.noise.gain * signal)
@@ -128,14 +129,12 @@ class Subject:
             stray = generator.random(len(pixels)) < conditions.outliers
             pixels[stray] = generator.random((int(stray.sum()), pixels.shape[1]))
             stored.append(stored_pixels(pixels, encoding, conditions.bits))
-        return self._capture(stored)
+        return self._capture(stored, encoding)
 
-    @property
     def _encoding(self) -> Encoding:
         return Encoding(scale=self.scale, black=self.sensor.black, saturation=SATURATION)
 
-    def _capture(self, stored: Sequence[np.ndarray]) -> Capture:
-        encoding = self._encoding
+    def _capture(self, stored: Sequence[np.ndarray], encoding: Encoding) -> Capture:
         dtype = np.dtype(np.uint8 if self.sensor.conditions.bits == 8 else np.uint16)
         photographs = Photographs(
             scene=self.scene,
@@ -158,26 +157,20 @@ def subject(
     *,
     channels: int = 3,
     seed: int = 1,
-    radiance: Sequence[np.ndarray] | None = None,
 ) -> Subject:
-    """Put an object before a sensor.
+    """Put an object before a sensor, under one light a photograph.
 
     Args:
-        surface: the object.
-        lights: unit vectors to them [K, 3]; each lights a photograph.
-        material: the truth.
-        sensor: that photographs it.
+        surface, material, sensor, seed: as of the subject.
+        lights: unit vectors to them [K, 3].
         channels: of the photographs.
-        seed: of the noise.
-        radiance: noise-free, per image [N, C]; None: rendered.
     """
     irradiance = torch.full((channels,), IRRADIANCE, dtype=torch.float64)
     lamps = tuple((DirectionalLight(torch.from_numpy(toward), irradiance),) for toward in lights)
     scene = Scene(surface, lamps, torch.zeros(len(lamps), channels, dtype=torch.float64)).with_shadows()
-    if radiance is None:
-        images = (render_image(scene, k, material, dtype=torch.float64).detach().numpy() for k in range(len(lamps)))
-        radiance = [image.reshape(-1, channels)[surface.pixels] for image in images]
-    return Subject(scene, material, sensor, seed, tuple(radiance))
+    images = (render_image(scene, k, material, dtype=torch.float64).detach().numpy() for k in range(len(lamps)))
+    radiance = tuple(image.reshape(-1, channels)[surface.pixels] for image in images)
+    return Subject(scene, material, sensor, seed, radiance)
 
 
 def material_of(expression: str) -> Brdf:

@@ -46,26 +46,10 @@ def levenberg_marquardt(task: Task, f0: float = 0.04) -> tuple[Trace, float]:
     prepared = trace.elapsed
     channels = len(measured)
 
-    def kernel(amplitudes: list[list[Any]], slope: Any) -> Any:
-        lobe, bend = there.lobe(slope, dr.exp, dr.erf)
-        sums = dr.zeros(Float, 9 * channels)
-        for channel in range(channels):
-            diffuse, specular = amplitudes[0][channel], amplitudes[1][channel]
-            columns = (white, lobe, specular * lobe * bend)
-            residual = measured[channel] - diffuse * white - specular * lobe
-            weighted = [weights[channel] * column for column in columns]
-            terms = [weighted[i] * columns[j] for i, j in _PAIRS] + [part * residual for part in weighted]
-            terms.append(weights[channel] * residual * residual)
-            for number, term in enumerate(terms):
-                place = dr.uint32_array_t(Float)(9 * channel + number)
-                dr.scatter_reduce(dr.ReduceOp.Add, sums, term, place, mode=dr.ReduceMode.Local)
-        return sums
-
     def evaluate(unknowns: Tensor) -> Normal:
         # Opaque: a number in the code would mean compiling it anew every time.
         values = [dr.opaque(Float, float(value)) for value in unknowns]
-        amplitudes = [values[:channels], values[channels : 2 * channels]]
-        sums = torch.from_numpy(kernel(amplitudes, values[-1]).numpy()).double().reshape(channels, 9)
+        sums = torch.from_numpy(_sums(there, measured, weights, values).numpy()).double().reshape(channels, 9)
         normal = torch.zeros(channels, 3, 3, dtype=torch.float64)
         normal[:, 0, 0] = constant
         for number, (i, j) in enumerate(_PAIRS):
@@ -74,3 +58,23 @@ def levenberg_marquardt(task: Task, f0: float = 0.04) -> tuple[Trace, float]:
 
     descend(DIELECTRIC, evaluate, task, trace)
     return trace, prepared
+
+
+def _sums(there: Facets, measured: list[Any], weights: list[Any], unknowns: list[Any]) -> Any:
+    """Nine sums over the samples a channel: entries `_PAIRS` of JᵀWJ, JᵀWr and the cost, as one kernel."""
+    import drjit as dr
+    from drjit.llvm import Float, UInt32
+
+    *amplitudes, slope = unknowns
+    channels = len(measured)
+    lobe, bend = there.lobe(slope, dr.exp, dr.erf)
+    sums = dr.zeros(Float, 9 * channels)
+    for channel, (radiance, weight) in enumerate(zip(measured, weights, strict=True)):
+        diffuse, specular = amplitudes[channel], amplitudes[channels + channel]
+        columns = (there.body, lobe, specular * lobe * bend)
+        residual = radiance - diffuse * there.body - specular * lobe
+        weighted = [weight * column for column in columns]
+        terms = [weighted[i] * columns[j] for i, j in _PAIRS] + [part * residual for part in weighted]
+        for number, term in enumerate([*terms, weight * residual * residual]):
+            dr.scatter_reduce(dr.ReduceOp.Add, sums, term, UInt32(9 * channel + number), mode=dr.ReduceMode.Local)
+    return sums

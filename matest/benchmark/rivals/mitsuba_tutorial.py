@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import torch
 
-from matest.benchmark.instruments.contest import SphereImages
+from matest.benchmark.instruments.contest import GLOSSY, IMAGES
+from matest.benchmark.instruments.photographs import FIX, IRRADIANCE, RADIUS, ring
 from matest.benchmark.instruments.task import Trace, Values
 
 VARIANT = "llvm_ad_rgb"
@@ -27,41 +29,19 @@ class Scenes:
     A conductor without extinction reflects as a dielectric does, and transmits nothing. The sampler takes the centre of
     every pixel, as the photographs do.
 
+    Args:
+        images: of a sphere of `GLOSSY` by `sphere_of`, or the first of them [K, S, S, 3].
+        start: the material.
+
     Raises:
         ImportError: Mitsuba or LLVM is missing.
     """
 
-    def __init__(self, images: SphereImages, start: Values) -> None:
+    def __init__(self, images: np.ndarray, start: Values) -> None:
         import mitsuba as mi
 
         mi.set_variant(VARIANT)
-        size = images.radiance.shape[1]
-        root = float(np.sqrt(images.f0))
-        material = mi.load_dict(
-            {
-                "type": "blendbsdf",
-                "weight": 1 / _BLEND,
-                "body": {"type": "diffuse", "reflectance": _rgb(start["diffuse"].tolist())},
-                "surface": {
-                    "type": "roughconductor",
-                    "distribution": "beckmann",
-                    "alpha": float(start["slope"]),
-                    "eta": (1 + root) / (1 - root),
-                    "k": 0.0,
-                    "specular_reflectance": _rgb(start["specular"].tolist()),
-                },
-            }
-        )
-        half = size / (2 * images.radius)
-        place = mi.ScalarTransform4f()
-        view = place.look_at(origin=[0, 0, 5], target=[0, 0, 0], up=[0, 1, 0]) @ place.scale([half, half, 1])
-        film = {"type": "hdrfilm", "width": size, "height": size, "rfilter": {"type": "box"}, "pixel_format": "rgb"}
-        camera = {
-            "type": "orthographic",
-            "to_world": view,
-            "film": {**film, "component_format": "float32"},
-            "sampler": {"type": "stratified", "jitter": False, "sample_count": 1},
-        }
+        material, camera = mi.load_dict(_material(start)), _camera(images.shape[1])
         self.scenes = [
             mi.load_dict(
                 {
@@ -72,11 +52,11 @@ class Scenes:
                     "light": {
                         "type": "directional",
                         "direction": (-toward).tolist(),
-                        "irradiance": _rgb([_BLEND * images.irradiance] * 3),
+                        "irradiance": _rgb([_BLEND * IRRADIANCE] * 3),
                     },
                 }
             )
-            for toward in images.toward
+            for toward in ring(IMAGES)[: len(images)]
         ]
         self.parameters = mi.traverse(self.scenes[0])
 
@@ -87,7 +67,7 @@ class Scenes:
         return mi.render(self.scenes[number], self.parameters, spp=1)
 
 
-def tutorial(images: SphereImages, start: Values, rate: float, done: Callable[[Trace], bool]) -> Trace:
+def tutorial(images: np.ndarray, start: Values, rate: float, done: Callable[[Trace], bool]) -> Trace:
     """Adam on the mean squared difference of the images, one backward pass an image, from scenes not yet loaded.
 
     Args:
@@ -101,7 +81,7 @@ def tutorial(images: SphereImages, start: Values, rate: float, done: Callable[[T
 
     trace = Trace()
     scenes = Scenes(images, start)
-    targets = [mi.TensorXf(image.astype(np.float32)) for image in images.radiance]
+    targets = [mi.TensorXf(image.astype(np.float32)) for image in images]
     optimiser = mi.ad.Adam(lr=rate)
     for key in _KEYS.values():
         optimiser[key] = scenes.parameters[key]
@@ -115,6 +95,38 @@ def tutorial(images: SphereImages, start: Values, rate: float, done: Callable[[T
         scenes.parameters.update(optimiser)
         trace.add({name: _tensor(optimiser[key]) for name, key in _KEYS.items()})
     return trace
+
+
+def _material(start: Values) -> dict[str, Any]:
+    root = math.sqrt(FIX[GLOSSY]["f0"])
+    return {
+        "type": "blendbsdf",
+        "weight": 1 / _BLEND,
+        "body": {"type": "diffuse", "reflectance": _rgb(start["diffuse"].tolist())},
+        "surface": {
+            "type": "roughconductor",
+            "distribution": "beckmann",
+            "alpha": float(start["slope"]),
+            "eta": (1 + root) / (1 - root),
+            "k": 0.0,
+            "specular_reflectance": _rgb(start["specular"].tolist()),
+        },
+    }
+
+
+def _camera(size: int) -> dict[str, Any]:
+    """An orthographic camera of so many pixels a side, in which a unit sphere has its radius in the photographs."""
+    import mitsuba as mi
+
+    half, place = 1 / (2 * RADIUS), mi.ScalarTransform4f()
+    view = place.look_at(origin=[0, 0, 5], target=[0, 0, 0], up=[0, 1, 0]) @ place.scale([half, half, 1])
+    film = {"type": "hdrfilm", "width": size, "height": size, "rfilter": {"type": "box"}, "pixel_format": "rgb"}
+    return {
+        "type": "orthographic",
+        "to_world": view,
+        "film": {**film, "component_format": "float32"},
+        "sampler": {"type": "stratified", "jitter": False, "sample_count": 1},
+    }
 
 
 def _rgb(values: list[float]) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
@@ -35,50 +34,43 @@ class Run(NamedTuple):
     rate: float | None = None
 
 
-@dataclass(frozen=True)
-class Rules:
-    """How solvers are run.
-
-    Attributes:
-        rates: Adam's learning rates, the most promising first.
-        rounds: runs of solvers that have none.
-        close: relative distance from the optimum at which Adam has arrived.
-        hurry: whether learning rates end that take much longer than the best so far.
-    """
-
-    rates: Sequence[float]
-    rounds: int
-    close: float = CLOSE
-    hurry: bool = True
-
-
 Once = Callable[[float], list[Run]]
 Done = Callable[[Trace], bool]
 
 
-def rivals(task: Task, optimum: Values, prepare: Prepare | None, rules: Rules) -> dict[str, Once]:
+def rivals(
+    task: Task,
+    optimum: Values,
+    prepare: Prepare | None,
+    *,
+    rates: Sequence[float],
+    rounds: int,
+    close: float = CLOSE,
+    hurry: bool = True,
+) -> dict[str, Once]:
     """Solvers on the torch shader, and the one written by hand where there is a model for it.
 
     Each takes the seconds after which a run ends, and runs once before, uncounted: what a process loads and prepares
     once counts for nobody.
+
+    Args:
+        task: what they are given.
+        optimum: of the likelihood.
+        prepare: the model for the solver written by hand, if there is one.
+        rates: Adam's learning rates, the most promising first.
+        rounds: runs of solvers that have none.
+        close, hurry: as of `tuned`.
     """
 
     def adam(batch: int | None, patience: float) -> list[Run]:
-        solvers.adam(task, rules.rates[0], batch, lambda _: True)
-        runs = tuned(
-            lambda rate, done: solvers.adam(task, rate, batch, done),
-            rules.rates,
-            optimum,
-            patience,
-            close=rules.close,
-            hurry=rules.hurry,
-        )
+        solvers.adam(task, batch, rates[0], lambda _: True)
+        runs = tuned(partial(solvers.adam, task, batch), rates, optimum, patience, close=close, hurry=hurry)
         size = "all samples" if batch is None else f"{batch:,} samples"
         return [run._replace(note=f"{run.note}, {size} a step") for run in runs]
 
     def repeated(once: Callable[[], Trace]) -> list[Run]:
         once()
-        return [iterated(once()) for _ in range(rules.rounds)]
+        return [iterated(once()) for _ in range(rounds)]
 
     every: dict[str, Once] = {
         "adam": lambda patience: adam(None, patience),

@@ -8,9 +8,10 @@ from collections.abc import Iterator
 from concurrent.futures.process import BrokenProcessPool
 from functools import lru_cache, partial
 
+import numpy as np
 import torch
 
-from matest.benchmark.instruments.contest import GLOSSY, Contest, SphereImages, sphere_of
+from matest.benchmark.instruments.contest import GLOSSY, Contest, sphere_of
 from matest.benchmark.instruments.task import CLOSE, Task, Trace, Values
 from matest.benchmark.rivals import drjit_solver, mitsuba_tutorial
 from matest.benchmark.rivals.hand_written import cook_torrance_smith, optimum
@@ -68,7 +69,7 @@ def _at_home(home: str) -> None:
     os.environ["HOME"] = home
 
 
-def _race(task: Task, images: SphereImages, best: Values, patience: float, close: float) -> list[_Plain]:
+def _race(task: Task, images: np.ndarray, best: Values, patience: float, close: float) -> list[_Plain]:
     plain = []
     for name, (trace, note, rate) in _runs(task, images, best, patience, close):
         values = [{key: value.tolist() for key, value in one.items()} for one in trace.values]
@@ -76,14 +77,14 @@ def _race(task: Task, images: SphereImages, best: Values, patience: float, close
     return plain
 
 
-def _runs(task: Task, images: SphereImages, best: Values, patience: float, close: float) -> Iterator[tuple[str, Run]]:
+def _runs(task: Task, images: np.ndarray, best: Values, patience: float, close: float) -> Iterator[tuple[str, Run]]:
     # Before anything of matest takes a core: both spread over all of them.
     yield "dr.jit, compiling", iterated(drjit_solver.levenberg_marquardt(task)[0])
     for _ in range(ROUNDS):
         trace, preparation = drjit_solver.levenberg_marquardt(task)
         yield "dr.jit", iterated(trace)
         yield "dr.jit, prepared", iterated(trace.shifted(-preparation))
-    channels = images.radiance.shape[-1]
+    channels = images.shape[-1]
     start = {name: torch.atleast_1d(task.start.parameters[name]) for name in ("diffuse", "specular")}
     start = {name: value.expand(channels) for name, value in start.items()} | {"slope": task.start.parameters["slope"]}
     once = partial(mitsuba_tutorial.tutorial, images, start)

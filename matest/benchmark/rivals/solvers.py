@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Callable
 from contextlib import suppress
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -22,13 +23,13 @@ class _OutOfTime(Exception):
     """Ends a solver that cannot be asked to stop."""
 
 
-def adam(task: Task, rate: float, batch: int | None, done: Callable[[Trace], bool], *, compiled: bool = False) -> Trace:
+def adam(task: Task, batch: int | None, rate: float, done: Callable[[Trace], bool], *, compiled: bool = False) -> Trace:
     """Adam on all samples at every step, or on mini-batches of `batch` in random order.
 
     Args:
         task: what is fitted.
-        rate: learning rate.
         batch: samples a step; None: all.
+        rate: learning rate.
         done: whether to stop, asked after every step.
         compiled: whether torch compiles the cost of all samples, before the clock starts.
     """
@@ -88,41 +89,42 @@ def least_squares(task: Task, *, patience: float = math.inf) -> Trace:
     """
     from scipy.optimize import least_squares as solve
 
-    trace = Trace()
-    channels = task.radiance.shape[1]
-    declared = task.start.declared
-    sizes = [channels if declared[name].per_channel else 1 for name in task.free]
-    root = task.weight.sqrt()
-    base = task.start.to(task.radiance.dtype, "cpu")
+    trace, dtype = Trace(), task.radiance.dtype
+    root, base = task.weight.sqrt(), task.start.to(task.radiance.dtype, "cpu")
+    domains = {name: task.start.declared[name].domain for name in task.free}
+    start = _spread(task, base.parameters)
+    sizes = [len(value) for value in start.values()]
+    lower, upper = (
+        np.repeat([getattr(domain, end) for domain in domains.values()], sizes) for end in ("lower", "upper")
+    )
 
-    def unpack(x: Tensor) -> Values:
-        return dict(zip(task.free, x.split(sizes), strict=True))
+    def unpack(x: object) -> Values:
+        return dict(zip(task.free, torch.as_tensor(x, dtype=dtype).split(sizes), strict=True))
 
-    def residual(x: Tensor) -> Tensor:
+    def residual(x: object) -> Tensor:
         return (root * (shade(base.replace(unpack(x)), task.points) - task.radiance)).flatten()
 
-    def cast(x: object) -> Tensor:
-        return torch.as_tensor(x, dtype=task.radiance.dtype)
-
-    def jacobian(x: object) -> object:
+    def jacobian(x: object) -> np.ndarray:
         # It is asked for where a step has been taken.
-        trace.add(unpack(cast(x)))
+        trace.add(unpack(x))
         _check_time(trace, patience)
-        return torch.func.jacfwd(residual)(cast(x)).double().numpy()
+        return torch.func.jacfwd(residual)(torch.as_tensor(x, dtype=dtype)).double().numpy()
 
-    def function(x: object) -> object:
+    def function(x: object) -> np.ndarray:
         with torch.no_grad():
-            return residual(cast(x)).double().numpy()
+            return residual(x).double().numpy()
 
-    start = torch.cat([base.parameters[name].expand(n) for name, n in zip(task.free, sizes, strict=True)])
-    ends = [
-        [getattr(declared[name].domain, end) for name, n in zip(task.free, sizes, strict=True) for _ in range(n)]
-        for end in ("lower", "upper")
-    ]
     with suppress(_OutOfTime):
-        solution = solve(function, start.double().numpy(), jac=jacobian, bounds=ends, method="trf", x_scale="jac")
-        trace.add(unpack(cast(solution.x)))
+        first = torch.cat(list(start.values())).double().numpy()
+        solution = solve(function, first, jac=jacobian, bounds=(lower, upper), method="trf", x_scale="jac")
+        trace.add(unpack(solution.x))
     return trace
+
+
+def _spread(task: Task, parameters: Values) -> Values:
+    """The free parameters, those that differ by channel with a value for each."""
+    channels, declared = task.radiance.shape[1], task.start.declared
+    return {name: parameters[name].expand(channels if declared[name].per_channel else 1) for name in task.free}
 
 
 def _check_time(trace: Trace, patience: float) -> None:
@@ -151,17 +153,9 @@ def _cost(task: Task, module: Trainable, compiled: bool) -> Callable[[], Tensor]
 
 
 def _module(task: Task) -> Trainable:
-    channels = task.radiance.shape[1]
-    spread = {
-        name: task.start.parameters[name].expand(channels)
-        for name in task.free
-        if task.start.declared[name].per_channel
-    }
-    fixed = tuple(
-        name
-        for name, declared in task.start.declared.items()
-        if name not in task.free and declared.role is not Role.GAUGE
-    )
+    declared = task.start.declared
+    spread = {name: value for name, value in _spread(task, task.start.parameters).items() if declared[name].per_channel}
+    fixed = tuple(name for name in declared if name not in task.free and declared[name].role is not Role.GAUGE)
     return Trainable(task.start.replace(spread), fixed=fixed)
 
 

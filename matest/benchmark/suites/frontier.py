@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import torch
@@ -20,7 +19,7 @@ from matest.benchmark.instruments.task import CLOSE, Values
 from matest.benchmark.record import Progress, Record
 from matest.benchmark.rivals import hand_written, renderers
 from matest.benchmark.rivals.hand_written import Prepare
-from matest.benchmark.rivals.race import STILL, Rules, Run, rivals
+from matest.benchmark.rivals.race import STILL, Run, rivals
 from matest.benchmark.suite import Effort, Suite
 from matest.benchmark.tables import by_case, case_name, figure, ruled
 from matest.brdf import CookTorrance, OrenNayar, preset
@@ -46,19 +45,6 @@ SLOWER = 1.0
 _END = ": error at the end"
 
 
-@dataclass(frozen=True)
-class Case:
-    """A scene, as large as asked for.
-
-    Attributes:
-        make: the contest, from the size of its images.
-        prepare: the model for the Levenberg-Marquardt solver written by hand, if there is one.
-    """
-
-    make: Callable[[int], Contest]
-    prepare: Prepare | None = None
-
-
 def _rough_vase(size: int) -> Contest:
     material = OrenNayar(albedo=torch.tensor([0.7, 0.5, 0.3]), sigma=torch.tensor(0.6))
     return contest_of(material, vase(size), [], {"albedo": 0.5, "sigma": math.pi / 4})
@@ -81,24 +67,27 @@ def _paper_sphere(size: int) -> Contest:
     return contest_of(preset("laser-paper"), sphere(size), ["f0", "height_rms", "k_fs"], start)
 
 
-CASES = {
-    "oren-nayar vase": Case(_rough_vase, hand_written.oren_nayar),
-    "cook-torrance sphere": Case(partial(sphere_of, GLOSSY), hand_written.cook_torrance_smith),
-    "copper vase": Case(_copper_vase),
-    "laser-paper sphere": Case(_paper_sphere),
+# Of every scene the contest, from the size of its images, and the model for the Levenberg-Marquardt solver written by
+# hand, if there is one.
+CASES: dict[str, tuple[Callable[[int], Contest], Prepare | None]] = {
+    "oren-nayar vase": (_rough_vase, hand_written.oren_nayar),
+    "cook-torrance sphere": (partial(sphere_of, GLOSSY), hand_written.cook_torrance_smith),
+    "copper vase": (_copper_vase, None),
+    "laser-paper sphere": (_paper_sphere, None),
 }
 
 
 def measure(effort: Effort, progress: Progress) -> Iterator[Record]:
     """Records of every scene; of the first alone in a quick run."""
-    for name, case in list(CASES.items())[: 1 if effort.quick else None]:
-        contest = case.make(SIZE_QUICK if effort.quick else SIZE)
+    for name, (make, prepare) in list(CASES.items())[: 1 if effort.quick else None]:
+        contest = make(SIZE_QUICK if effort.quick else SIZE)
         yield Record("frontier", name, "samples", len(contest.task.radiance), "1", "higher")
         progress(f"{name}: matest")
         own, yardstick = _matest(contest, effort.quick)
         yield from figures(name, "matest", own, own)
-        rules = Rules(RATES_QUICK if effort.quick else RATES, ROUNDS, STILL, hurry=False)
-        for solver, once in rivals(contest.task, yardstick.optimum, case.prepare, rules).items():
+        rates = RATES_QUICK if effort.quick else RATES
+        solvers = rivals(contest.task, yardstick.optimum, prepare, rates=rates, rounds=ROUNDS, close=STILL, hurry=False)
+        for solver, once in solvers.items():
             if effort.races(solver):
                 progress(f"{name}: {solver}")
                 patience = PATIENCE_QUICK if effort.quick else PATIENCE

@@ -18,7 +18,7 @@ from matest.benchmark.instruments.task import CLOSE, Trace, Values, distance
 from matest.benchmark.instruments.timing import no_compiler
 from matest.benchmark.record import Progress, Record
 from matest.benchmark.rivals import hand_written, renderers, solvers
-from matest.benchmark.rivals.race import Once, Rules, Run, finished, rivals
+from matest.benchmark.rivals.race import Once, Run, finished, rivals
 from matest.benchmark.suite import Effort, Suite
 from matest.benchmark.tables import by_case, case_name, figure, largest, page, ruled
 
@@ -145,13 +145,13 @@ def _solvers(contest: Contest, optimum: Values, size: Size, best: dict[str, Resu
 
     def adam(patience: float) -> list[Run]:
         done = partial(finished, optimum=optimum, close=CLOSE, limit=patience)
-        return _compiled(partial(solvers.adam, task, best["adam"].rate or size.rates[0], None, done))
+        return _compiled(partial(solvers.adam, task, None, best["adam"].rate or size.rates[0], done))
 
     def lbfgs(patience: float) -> list[Run]:
         return _compiled(partial(solvers.lbfgs, task, patience=patience))
 
     compiled = {"adam, compiled": adam, "l-bfgs, compiled": lbfgs} if size.compiles else {}
-    return rivals(task, optimum, prepare, Rules(size.rates, ROUNDS)) | compiled
+    return rivals(task, optimum, prepare, rates=size.rates, rounds=ROUNDS) | compiled
 
 
 def _compiled(once: Callable[..., Trace]) -> list[Run]:

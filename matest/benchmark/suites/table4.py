@@ -41,10 +41,12 @@ _HE_TORRANCE = {
     "#13": (0.0, 0.53, 0.64, 8.2),
     "#73": (0.75, 0.39, 0.54, 5.6),
 }
-COST_LIMIT = 2.0  # Li-Torrance with the components a sample needs against Cook-Torrance
+# Li-Torrance with the components that a sample needs, against Cook-Torrance, at most.
+COST_LIMIT = 2.0
 UNIT, RIVAL, OURS, REFERENCE = "blinn-phong", "cook-torrance", "li-torrance", "he-torrance"
 CASE, WITHOUT = "table 4: ", "li-torrance without "
-_SLOW_SHARE = 100  # He and Torrance's series is timed on so much fewer pairs
+# He and Torrance's series is timed on so much fewer pairs.
+_SLOW_SHARE = 100
 _LIGHTS, _VIEWS = (20, 40, 50, 70), 1500
 _ALL = "uniform=on,subsurface=on,forward=on,coherent=on"
 # A component (or masking), the model with all, and that without it.
@@ -70,9 +72,8 @@ def measure(pairs: int, progress: Progress) -> Iterator[Record]:
         fitted = {name: coefficients(name, sample) for name in PUBLISHED}
         shares = {name: _SLOW_SHARE if name == REFERENCE else 1 for name in fitted}
         runs = [forward(_float(brdf), wi[:: shares[name]], wo[:: shares[name]], TILE) for name, brdf in fitted.items()]
-        times = {
-            name: time * shares[name] for (name, time) in zip(fitted, seconds(*runs), strict=True)
-        }  # for all pairs
+        # For all pairs.
+        times = {name: time * shares[name] for name, time in zip(fitted, seconds(*runs), strict=True)}
         for name, time in times.items():
             yield Record("models", f"{CASE}{name}", f"{sample} cost", time / times[UNIT], UNIT)
             yield Record("models", f"{CASE}{name}", f"{sample} error of fit", misfit(fitted[name], sample), "1")
@@ -101,28 +102,20 @@ def coefficients(name: str, sample: str) -> Brdf:
     if name == REFERENCE:
         k_ud, k_dd, height, length = _HE_TORRANCE[sample]
         options = "(coherent=on)" if published.coherent == "on" else ""
-        return model(f"{name}{options}")[0].replace(
-            {
-                "k_ud": k_ud,
-                "k_dd": k_dd,
-                "f0": published.f0,
-                "height_rms": height,
-                "correlation_length": length,
-            }
-        )
-    held = {"f0": float(published.f0)} if name == RIVAL else {}
-    problem = specify(name, Options(fix=held), channels=1, relative=False).problem
-    found = fit_batches(problem, [_table(published)])
-    return found.problem.material(found.unknowns)
+        values = {"k_ud": k_ud, "k_dd": k_dd, "height_rms": height, "correlation_length": length}
+        return model(f"{name}{options}")[0].replace({**values, "f0": published.f0})
+    fix = {"f0": float(published.f0)} if name == RIVAL else {}
+    problem = specify(name, Options(fix=fix), channels=1, relative=False).problem
+    solution = fit_batches(problem, [_table(published)])
+    return solution.problem.material(solution.unknowns)
 
 
 def misfit(brdf: Brdf, sample: str) -> float:
     """Root of eq. 15's cost over that of the sample itself."""
     table, compared = _table(_green(preset(SAMPLES[sample]))), _without_mirror(brdf)
+    wi, wo = table.points.wi[:, 0], table.points.wo
     with torch.no_grad():
-        difference = (
-            compared(table.points.wi[:, 0], table.points.wo) * table.points.wi[:, 0, 2:].sqrt() - table.radiance
-        )
+        difference = compared(wi, wo) * wi[:, 2:].sqrt() - table.radiance
     return float(difference.square().sum().sqrt() / table.radiance.square().sum().sqrt())
 
 
