@@ -43,7 +43,7 @@ def material(model: str, **values: object) -> str:
     return "\n".join([f'[material]\nmodel = "{model}"', *(f'"{path(key)}" = {value}' for key, value in values.items())])
 
 
-def sphere(size: int = 96) -> str:
+def sphere(size: int = 64) -> str:
     return SPHERE.format(size=size, half=size / 2, radius=0.45 * size)
 
 
