@@ -1,4 +1,4 @@
-"""Captures to estimate, one or many: a job for each, and its outcome."""
+"""Estimates of one capture or many: a job for each, and its outcome."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from matest.report.folder import write_result
 
 @dataclass(frozen=True)
 class Job:
-    """One capture to estimate, with all that another process needs to do it.
+    """One capture to estimate; it carries all that another process needs.
 
     Attributes:
         capture: folder or file.
@@ -39,12 +39,12 @@ class Job:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a job.
+    """The result of a job.
 
     Attributes:
-        job: that was done.
+        job: that was run.
         estimate: as it was written; None where the capture cannot be used.
-        error: one sentence that says why; empty where there is an estimate.
+        error: why it cannot, in one sentence; empty where there is an estimate.
     """
 
     job: Job
@@ -57,17 +57,17 @@ class Outcome:
 
     @property
     def exit_code(self) -> int:
-        """Of a command in which nothing worse happened."""
+        """Exit code of a command with this outcome alone."""
         return BAD_INPUT if self.estimate is None else 0
 
 
 def jobs(captures: Sequence[Path], out: Path | None, options: Options, command: str = "") -> list[Job]:
-    """One job for each of some captures; one that is named twice has one.
+    """One job for each capture, also for one that is named twice.
 
     Args:
         captures: folders or files.
-        out: of a single capture its result folder, of several the parent of one named like each; None: `matest` in
-            the capture's folder.
+        out: the result folder of a single capture, the parent folder of the results of several; None: `matest` in
+            the folder of each capture.
         options: of every estimate.
         command: see `Job`.
 
@@ -77,7 +77,7 @@ def jobs(captures: Sequence[Path], out: Path | None, options: Options, command: 
     names = [capture_name(capture) for capture in captures]
     if out is not None and len({*names}) < len(names):
         raise InputError(f"two captures have the same name ({', '.join(sorted(names))}); estimate them one by one.")
-    # Captures of one command may share files that lie beside them.
+    # Captures of one command may share files in their common parent folder.
     root = Path(os.path.commonpath([capture.absolute() for capture in captures]))
     root = root if root.is_dir() else root.parent
     places = {
@@ -103,7 +103,7 @@ def run(job: Job, progress: Progress = silent) -> Outcome:
 
 
 def capture_name(capture: Path) -> str:
-    """The name of a capture given by folder or by file: that of its folder."""
+    """The name of a capture: that of its folder, also where a file is given."""
     return os.path.basename(os.path.abspath(_folder(capture)))
 
 

@@ -1,8 +1,7 @@
 """Parameters of reflectance models, declared once.
 
-A declaration carries everything that other parts need to know of a parameter: its domain, unit and meaning, whether
-every colour channel has its own value. Bounds, the unconstrained transform, labels,
-tables and file formats all follow from it.
+A declaration gives the domain, unit and meaning of a parameter, and whether every colour channel has its own value.
+Bounds, the unconstrained transform, labels, tables and file formats all follow from it.
 """
 
 from __future__ import annotations
@@ -17,6 +16,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+# Key of the declaration in the metadata of a dataclass field.
 _KEY = "matest"
 
 
@@ -32,16 +32,16 @@ class Domain:
         return self.upper - self.lower
 
     def contains(self, value: Tensor) -> bool:
-        # In single precision, where π/2 is a little more than π/2.
+        # In single precision: there π/2 rounds to a little more than π/2, which must pass.
         lower, upper = torch.tensor([self.lower, self.upper], dtype=torch.float32)
         return bool(((value.float() >= lower) & (value.float() <= upper)).all())
 
     def lifted(self) -> Domain:
-        """The same lower end without an upper one."""
+        """The same domain without an upper end."""
         return Domain(self.lower, math.inf)
 
     def physical(self, unconstrained: Tensor) -> Tensor:
-        """Map the real line onto the interior of the domain (logistic, or softplus on a half-line)."""
+        """The map from the real line onto the interior of the domain (logistic, or softplus on a half-line)."""
         if math.isinf(self.upper):
             return self.lower + torch.nn.functional.softplus(unconstrained)
         return self.lower + self.width * torch.sigmoid(unconstrained)
@@ -67,7 +67,7 @@ non_negative = interval(0, math.inf)
 
 
 class Role(Enum):
-    """What a parameter is to an estimate, where neither its domain nor the terms of its model tell."""
+    """What a parameter means to an estimate, as far as neither its domain nor the terms of its model say it."""
 
     NONE = "nothing beside that"
     BODY = "albedo of a diffuse part, held at 0 beside a diffuse model"
@@ -78,24 +78,24 @@ class Role(Enum):
     YARDSTICK = "held at a value that nothing depends on: only ratios to it have an effect"
 
 
-# What light and camera give, and who should say it in a capture.
+# Roles of the parameters that light and camera give, and the part of a capture that should state them.
 OPTICS = {Role.WAVELENGTH: "[camera]", Role.SOLID_ANGLE: "the lights"}
 
 
 @dataclasses.dataclass(frozen=True)
 class Parameter:
-    """What is known of a parameter before any image is seen.
+    """The declaration of a parameter.
 
     Attributes:
         domain: closed interval of the physical values.
         unit: "1", "rad", "µm".
         doc: what it is, in the field's words.
-        per_channel: albedo-like; an estimate gives every colour channel its own value.
+        per_channel: an estimate gives every colour channel its own value, as for an albedo.
         held: value at which an estimate holds it unless the capture determines it (None: always estimated).
-        role: what it is to an estimate beside that.
+        role: what it means to an estimate beside that.
         log: varies over decades, so it is searched on a logarithmic grid.
-        when: the parameter exists only while these options of its model have one of these values.
-        variants: other attributes that it has while these options have one of these values.
+        when: options of the model with the values under which the parameter exists.
+        variants: options of the model with values, and the attributes that differ under them.
         periodic: the ends of the domain are the same value.
     """
 
@@ -120,18 +120,18 @@ class Parameter:
 
 @dataclasses.dataclass(frozen=True)
 class Derived:
-    """A quantity that follows from parameters of one value each: an estimate reports it, `--fix` holds it.
+    """A function of parameters that have one value each: an estimate reports it, `--fix` holds it.
 
-    On which parameters it depends is found by connection (`Structure.derived`).
+    `Structure.derived` says on which parameters it depends.
 
     Attributes:
         name: of the quantity (in a sum: its path).
         unit: "1", "rad", "µm".
         doc: what it is.
-        value: gives it, from values of the parameters by name.
-        sets: the parameter that takes what a given value of the quantity leaves for it, the others being given.
-        inverse: gives that, from the value of the quantity and those of the other parameters.
-        when: it exists only while these options of its model have one of these values.
+        value: computes it from the values of the parameters by name.
+        sets: the parameter that follows from a given value of the quantity and the other parameters.
+        inverse: computes that parameter from the value of the quantity and those of the other parameters.
+        when: options of the model with the values under which it exists.
     """
 
     name: str
@@ -143,7 +143,7 @@ class Derived:
     when: Mapping[str, tuple[str, ...]] = dataclasses.field(default_factory=dict)
 
     def within(self, component: str) -> Derived:
-        """The same in a sum, where parameters are named by path."""
+        """The same quantity in a sum, where parameters are named by path."""
         path = f"{component}."
 
         def inside(values: Mapping[str, Tensor]) -> dict[str, Tensor]:
@@ -166,7 +166,7 @@ class Derived:
 
 
 def met(conditions: Mapping[str, tuple[str, ...]], options: Mapping[str, str]) -> bool:
-    """Whether the options of a model are among those that something is declared for."""
+    """Whether the options of a model have the values that conditions ask for."""
     return all(options[name] in values for name, values in conditions.items())
 
 

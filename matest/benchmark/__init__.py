@@ -9,8 +9,8 @@ from matest.benchmark.record import Record
 from matest.benchmark.suite import PEERS, Effort, Suite
 from matest.errors import InputError, nearest
 
-# Every suite is the `SUITE` of the file of its name in `suites/`; here is what it measures, for the help. Files are
-# imported when they are run: they need torch, the help does not.
+# Names of the suites, and what each measures, for the help. The suite is the `SUITE` of the file of its name in
+# `suites/`. That file is imported when the suite runs: it needs torch, the help must not.
 SUITES = {
     "models": "values and gradients at a million pairs of directions, against one element-wise pass",
     "stress": "non-finite results at ten million adversarial points a model, and float32 against float64",
@@ -23,9 +23,9 @@ SUITES = {
     "memory": "peak of 12 and of 120 photographs",
     "start": "fresh processes",
 }
-# Suites that peers take part in.
+# Suites that race the peers.
 RACES = ("peers", "frontier")
-# The limits of the machine, which others are compared with, come first in every run.
+# The suite that comes first in every run: the limits of the machine, which other suites compare with.
 FIRST = "limits"
 
 
@@ -38,9 +38,9 @@ def plan(suites: str, against: str = "", quick: bool = False) -> tuple[list[str]
     """What to run: names of suites, the limits of the machine first, and how much of each.
 
     Args:
-        suites: names, separated by commas; all of them if it is empty.
-        against: names of the peers that `peers` and `frontier` race; all of them if it is empty. These are the only
-            suites then that run without being named.
+        suites: names, separated by commas; empty: all suites.
+        against: names of the peers that `peers` and `frontier` race; empty: all peers. With peers but without
+            suites, these two run.
         quick: fewer and smaller measurements.
 
     Raises:

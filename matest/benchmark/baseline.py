@@ -1,7 +1,7 @@
-"""The figures that a run is held to: accuracy and ratios of time or memory, never seconds, each with its tolerance.
+"""The baseline that the gate holds a run to: accuracy and ratios of time or memory, each with its tolerance.
 
 `matest benchmark --quick --json > records.jsonl` and then `python -m matest.benchmark.baseline records.jsonl` writes
-those of quick runs anew, the same without `--quick` those of full ones; the difference in git shows what has changed.
+the figures of quick runs anew, the same without `--quick` those of full runs; the diff in git shows what changed.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ PATH = Path("tests/benchmark_baseline.json")
 Kind = Literal["accuracy", "cost"]
 Content = TypeVar("Content")
 
-# What enters the baseline, by suite/metric. The tolerance is relative; None: from the figure's own statistical error.
+# Figures of the baseline, by suite/metric. The tolerance is relative; None: the statistical error of the figure.
 SELECTED: dict[str, tuple[Kind, float | None]] = {
     "stress/* non-finite *": ("accuracy", 0.0),
-    # The same points on every machine, but not the same last digits of its functions.
+    # The points are the same on every machine, the last digits of its functions are not.
     "stress/float32 error": ("accuracy", 1.0),
     **{
         f"{suite}/{metric}": ("accuracy", None)
@@ -38,7 +38,7 @@ SELECTED: dict[str, tuple[Kind, float | None]] = {
     "models/time per pass": ("cost", 0.5),
     "models/* needed components": ("cost", 0.5),
     "estimate/fit / decode": ("cost", 0.5),
-    # To be within 1 % is what counts there.
+    # The race is to 1 %: a distance below that does not matter.
     "peers/distance": ("accuracy", 1.0),
     "peers/* / matest": ("cost", 0.5),
     "frontier/matest: error at the end": ("accuracy", 0.5),
@@ -90,7 +90,7 @@ def read(path: Path = PATH) -> Baseline:
     """The baseline in a file.
 
     Raises:
-        InputError: there is none, or not in this form.
+        InputError: no such file, or a file of another form.
     """
     mend = "python -m matest.benchmark.baseline writes one from the records of 'matest benchmark --json'"
     return _decoded(_bytes(path, f"run in the root of a checkout, or {mend}"), Baseline, path, mend)
@@ -118,7 +118,7 @@ def records_of(path: Path) -> list[Record]:
 
 
 def with_file(command: Callable[[str], None]) -> None:
-    """Run a command on the one file that the command line names; exit code 2 and a sentence where that goes wrong."""
+    """Run a command on the one file that the command line names; exit code 2 and a sentence on bad input."""
     arguments = sys.argv[1:]
     try:
         if len(arguments) != 1:
@@ -135,7 +135,7 @@ def is_quick(records: Sequence[Record]) -> bool:
     """Whether records are of a quick run.
 
     Raises:
-        InputError: they do not say.
+        InputError: the records do not say it.
     """
     for record in records:
         if (record.suite, record.metric) == ("limits", QUICK):
@@ -143,27 +143,27 @@ def is_quick(records: Sequence[Record]) -> bool:
     raise InputError("expected all records of 'matest benchmark --json', from its first line; the limits are missing.")
 
 
-def chosen(records: Sequence[Record]) -> Iterator[Figure]:
-    """Those of `SELECTED`, with their tolerances; a figure that could not be measured is left out."""
-    found = {(record.suite, record.case, record.metric): record for record in records}
-    for (suite, case, metric), record in found.items():
+def figures_of(records: Sequence[Record]) -> Iterator[Figure]:
+    """The figures that `SELECTED` takes from records with a value, and their tolerances."""
+    by_key = {(record.suite, record.case, record.metric): record for record in records}
+    for (suite, case, metric), record in by_key.items():
         for pattern, (kind, fixed) in SELECTED.items():
             if record.value is None or not fnmatch(f"{suite}/{metric}", pattern):
                 continue
-            own = {
-                name: r.value for (s, c, name), r in found.items() if (s, c) == (suite, case) and r.value is not None
+            of_case = {
+                name: r.value for (s, c, name), r in by_key.items() if (s, c) == (suite, case) and r.value is not None
             }
-            tolerance = statistical(record, own) if fixed is None else fixed
+            tolerance = statistical(record, of_case) if fixed is None else fixed
             yield Figure(suite, case, metric, _rounded(record.value, 6), record.better, _rounded(tolerance, 3), kind)
             break
 
 
-def statistical(record: Record, own: Mapping[str, float]) -> float:
-    """The relative 95 % error of a figure toward worse.
+def statistical(record: Record, of_case: Mapping[str, float]) -> float:
+    """The relative 95 % error of a figure toward worse values.
 
     Args:
         record: a pooled error with its interval, a share, a number of captures or an exponent.
-        own: all figures of its case.
+        of_case: all figures of its case, by metric.
     """
     value, metric = record.value or 0.0, record.metric
     if not value:
@@ -171,20 +171,20 @@ def statistical(record: Record, own: Mapping[str, float]) -> float:
     if metric == "optimum missed":
         error = 1.96 * math.sqrt(value)
     elif metric == "exponent":
-        error = 1.96 * own[f"{metric}, standard error"]
+        error = 1.96 * of_case[f"{metric}, standard error"]
     elif record.better == "lower":
-        error = own[f"{metric}, to"] - value
+        error = of_case[f"{metric}, to"] - value
     else:
-        # Of n that have all passed, 3/n may fail: the 95 % limit of a share of which no failure was seen.
-        error = max(value - own.get(f"{metric}, from", value), 3 / own["parameters"])
+        # The rule of three: where none of n fails, the share that fails is below 3/n at 95 %.
+        error = max(value - of_case.get(f"{metric}, from", value), 3 / of_case["parameters"])
     return error / abs(value)
 
 
 def main(file: str) -> None:
-    """Put the figures of the suites in a run in place of those that the baseline has of its kind of run.
+    """Replace the figures of the baseline for the suites of a run, quick or full, by those of the run.
 
     Args:
-        file: what `matest benchmark --json` has printed.
+        file: the output of `matest benchmark --json`.
 
     Raises:
         InputError: bad records, bad baseline.
@@ -193,8 +193,8 @@ def main(file: str) -> None:
     old = read() if PATH.exists() else Baseline()
     run = "quick" if is_quick(records) else "full"
     measured = {record.suite for record in records}
-    kept = tuple(figure for figure in getattr(old, run) if figure.suite not in measured)
-    write(msgspec.structs.replace(old, **{run: (*kept, *chosen(records))}))
+    others = tuple(figure for figure in getattr(old, run) if figure.suite not in measured)
+    write(msgspec.structs.replace(old, **{run: (*others, *figures_of(records))}))
     print(f"Written to {PATH}: {run} runs")
 
 

@@ -1,7 +1,7 @@
 """Which figures of a run are worse than the baseline by more than their tolerance, or missing.
 
 `matest benchmark --gate` holds a run to all of them; `python -m matest.benchmark.gate records.jsonl` shows the records
-of `matest benchmark --json` as tables and holds them to the accuracy alone, for machines whose time is not their own.
+of `matest benchmark --json` as tables and holds them to the accuracy alone, for machines that others use too.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ KINDS = ("accuracy", "cost")
 
 @dataclass(frozen=True)
 class Worse:
-    """A figure of the baseline with what the run gave instead; None: nothing."""
+    """A figure of the baseline, and the value of the run; None: the run has no such value."""
 
     expected: Figure
     value: float | None
 
 
 def expected(quick: bool, suites: Collection[str], kinds: Collection[str] = KINDS) -> list[Figure]:
-    """What the baseline says of some suites.
+    """The figures of the baseline for some suites.
 
     Raises:
-        InputError: it is bad, or says nothing of any of them.
+        InputError: a bad baseline, or one without figures of these suites.
     """
     figures = [figure for figure in read().of(quick) if figure.suite in suites and figure.kind in kinds]
     if not figures:
@@ -48,12 +48,12 @@ def expected(quick: bool, suites: Collection[str], kinds: Collection[str] = KIND
 
 
 def worse(figures: Sequence[Figure], records: Sequence[Record]) -> list[Worse]:
-    """Those of `figures` that the records do not reach."""
-    found = {(record.suite, record.case, record.metric): record.value for record in records}
+    """The figures that the records do not reach."""
+    values = {(record.suite, record.case, record.metric): record.value for record in records}
     failed = []
     for figure in figures:
-        value = found.get((figure.suite, figure.case, figure.metric))
-        # Not "worse than": a NaN is not better than anything.
+        value = values.get((figure.suite, figure.case, figure.metric))
+        # Ask for "not as good", since every comparison with NaN is false.
         if value is None or not (value <= figure.worst if figure.better == "lower" else value >= figure.worst):
             failed.append(Worse(figure, value))
     return failed
@@ -64,26 +64,26 @@ def gate_table(figures: Sequence[Figure], failed: Sequence[Worse]) -> Renderable
     if not failed:
         return Text(f"Gate: none of {len(figures):,} figures is worse than the baseline by more than its tolerance.")
     table = ruled("", "baseline", "allowed", "now")
-    heads = dict.fromkeys((one.expected.suite, one.expected.case) for one in failed)
+    heads = dict.fromkeys((failure.expected.suite, failure.expected.case) for failure in failed)
     for suite, case in heads:
         table.add_row(Text(f"{suite}: ").append_text(case_name(case)))
-        for one in failed:
-            figure = one.expected
+        for failure in failed:
+            figure = failure.expected
             if (figure.suite, figure.case) == (suite, case):
-                value = "missing" if one.value is None else f"{one.value:.4g}"
+                value = "missing" if failure.value is None else f"{failure.value:.4g}"
                 now = Text(value, style="red")
                 table.add_row(f"  {figure.metric}", f"{figure.value:.4g}", f"{figure.worst:.4g}", now)
-    said = (
+    summary = (
         f"Gate: {len(failed):,} of {len(figures):,} figures are worse than the baseline by more than their tolerance."
     )
-    return Group(Text(said, style="red"), "", table)
+    return Group(Text(summary, style="red"), "", table)
 
 
 def main(file: str) -> None:
     """Show the records of all suites and hold their accuracy to the baseline.
 
     Args:
-        file: what `matest benchmark --json` has printed. Exit code 1 if a figure is worse, or missing.
+        file: the output of `matest benchmark --json`. Exit code 1 if a figure is worse, or missing.
 
     Raises:
         InputError: bad records, bad baseline.

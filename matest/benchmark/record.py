@@ -1,4 +1,4 @@
-"""What a benchmark hands over."""
+"""The records that a benchmark gives."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from matest.progress import Progress
 
 __all__ = ["Progress", "Record"]
 
-# The metric of the limits that tells a quick run from a full one.
+# The metric of the suite `limits` that tells a quick run from a full one.
 QUICK = "quick"
 
 
@@ -18,12 +18,12 @@ class Record:
     """One figure.
 
     Attributes:
-        suite, case, metric: what was measured, and of what.
+        suite, case, metric: what was measured, of which case.
         value: the figure; None where it could not be measured.
         unit: "ns", "1"…; "pass" is the time of one element-wise product of two tensors in the same run.
         better: which way is better, "lower" or "higher".
         limit: the target, if there is one.
-        note: for a person: where the worst case was, why there is no value.
+        note: for a person: where the worst case was, or why there is no value.
     """
 
     suite: str
@@ -43,5 +43,5 @@ class Record:
         return self.value > self.limit if self.better == "lower" else self.value < self.limit
 
     def to_dict(self) -> dict[str, Any]:
-        """The record as a line of JSON holds it: without the note."""
+        """The record as a line of JSON, without the note."""
         return {name: value for name, value in asdict(self).items() if name != "note"}

@@ -1,4 +1,4 @@
-"""What a suite is, and how much of it a run does."""
+"""A suite, and how much of it a run measures."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from matest.benchmark.record import Progress, Record
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-# The solvers that matest can be raced against, by the names that `--against` takes.
+# Solvers that matest can race, by the names that `--against` takes.
 PEERS = ("adam", "l-bfgs", "least_squares", "levenberg-marquardt", "mitsuba", "dr.jit")
 
 
 @dataclass(frozen=True)
 class Effort:
-    """How much a run does.
+    """How much a run measures.
 
     Attributes:
         quick: fewer and smaller measurements.
-        shared: a full run of all suites, in which each that could go on for hours has its share of half an hour.
-        against: names of the peers that are raced.
-        seconds: after which a suite begins nothing more that it can do without.
+        shared: a full run of all suites, in which each suite that could go on for hours has its share of half an hour.
+        against: names of the peers to race.
+        seconds: time after which a suite begins no further measurement that it can do without.
     """
 
     quick: bool = False
@@ -33,7 +33,7 @@ class Effort:
     seconds: float = math.inf
 
     def races(self, solver: str) -> bool:
-        """Whether one of the peers that a solver is named after ("adam, mini-batches") is raced."""
+        """Whether to race a solver, named after one or more peers ("adam, mini-batches")."""
         return any(part.strip() in self.against for part in solver.split(","))
 
 
@@ -44,7 +44,7 @@ class Suite:
     Attributes:
         measure: yields its records.
         table: shows them in 80 columns.
-        share: seconds of a full run of all suites that it gets; infinite where it takes as long as it takes.
+        share: seconds that it gets of a full run of all suites; infinite: no limit.
     """
 
     measure: Callable[[Effort, Progress], Iterator[Record]]
@@ -52,5 +52,5 @@ class Suite:
     share: float = math.inf
 
     def run(self, effort: Effort, progress: Progress = lambda *_: None) -> Iterator[Record]:
-        """Its records."""
+        """The records of the suite."""
         return self.measure(replace(effort, seconds=self.share) if effort.shared else effort, progress)

@@ -13,7 +13,7 @@ from matest.benchmark.record import Record
 
 
 def page(about: str, *parts: RenderableType, records: Sequence[Record]) -> Group:
-    """What a suite shows: a paragraph, tables, and what of its records missed a limit or could not be measured."""
+    """The page of a suite: a paragraph, tables, and the records that miss a limit or have no value."""
     return Group(Text(about), "", *parts, *notes(records))
 
 
@@ -25,25 +25,25 @@ def by_case(records: Sequence[Record]) -> dict[str, dict[str, Record]]:
     return cases
 
 
-def ruled(first: str, *columns: str) -> Table:
+def ruled(names: str, *columns: str) -> Table:
     """An empty table: names on the left, figures in the columns."""
     table = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False)
-    table.add_column(first, no_wrap=True)
+    table.add_column(names, no_wrap=True)
     for column in columns:
         table.add_column(column, justify="right", no_wrap=True)
     return table
 
 
-def listed(first: str, metrics: Sequence[str], cases: Mapping[str, Mapping[str, Record]]) -> Table:
-    """A row a case, a column a metric."""
-    table = ruled(first, *metrics)
-    for case, found in cases.items():
-        table.add_row(case_name(case), *(figure(found.get(metric)) for metric in metrics))
+def listed(names: str, metrics: Sequence[str], cases: Mapping[str, Mapping[str, Record]]) -> Table:
+    """A table with one row per case and one column per metric."""
+    table = ruled(names, *metrics)
+    for case, by_metric in cases.items():
+        table.add_row(case_name(case), *(figure(by_metric.get(metric)) for metric in metrics))
     return table
 
 
 def case_name(case: str) -> Text:
-    """The expression of a model, its options on a line of their own."""
+    """The expression of a model, with its options on a second line."""
     return Text(case.replace("(", "\n  (", 1), style="bold")
 
 
@@ -66,7 +66,7 @@ def largest(records: Sequence[Record], metric: str) -> int:
 
 
 def notes(records: Sequence[Record]) -> list[Text]:
-    """What missed its limit, and where; and what could not be measured."""
+    """The records that miss their limit or have no value, with their notes."""
     lines = [Text("")]
     for record in records:
         if record.misses or record.value is None:

@@ -1,4 +1,4 @@
-"""Values on the command line: from text to numbers, pairs and lists."""
+"""Arguments of the commands: from text to numbers, pairs and lists."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def options(
     transfer: str | None,
     **others: Any,
 ) -> Options:
-    """Options from their texts; `others` are taken as they are."""
+    """Options from their texts; `others` need no conversion."""
     from matest.estimation.options import Options
 
     return Options(
@@ -45,7 +45,7 @@ def options(
 
 
 def assignment(text: str, option: str = "--fix") -> tuple[str, float | list[float]]:
-    """`f0=0.04`, `albedo=0.7,0.6,0.5`."""
+    """Name and value of a text such as `f0=0.04` or `albedo=0.7,0.6,0.5`."""
     # Imported here: the catalogue of models needs torch, and --help must not.
     from matest.brdf.expression import number
 

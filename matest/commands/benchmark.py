@@ -49,19 +49,19 @@ def benchmark(
 
     names, effort = plan(suite, against, quick)
     figures = expected(quick, names) if gate else []
-    found = []
+    all_records = []
     for name in names:
-        one, records = load(name), []
+        suite_of_name, records = load(name), []
         with progress(name) as say:
-            for record in one.run(effort, say):
+            for record in suite_of_name.run(effort, say):
                 records.append(record)
                 if as_json:
                     print_json(record.to_dict())
         if not as_json:
-            console().print(one.table(records))
-        found += records
+            console().print(suite_of_name.table(records))
+        all_records += records
     if gate:
-        failed = worse(figures, found)
+        failed = worse(figures, all_records)
         console(stderr=as_json).print(gate_table(figures, failed))
         if failed:
             raise typer.Exit(WORK_FAILED)

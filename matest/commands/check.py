@@ -51,10 +51,10 @@ def check(
     with progress(str(capture)) as say:
         plan = identifiability.load_plan(capture, transfer=options.transfer, progress=say)
         plan = plan if stated is None else plan.with_noise(*stated)
-        found = identifiability.check_with(plan, options, assumed, say)
+        prediction = identifiability.check_with(plan, options, assumed, say)
     if as_json:
-        print_json(found.to_dict())
+        print_json(prediction.to_dict())
         return
     from matest.report.identifiability import check_report
 
-    console().print(check_report(found))
+    console().print(check_report(prediction))

@@ -73,7 +73,7 @@ def _as_fractions(image: Any) -> Any:
 
 
 def _distinct(paths: list[Path]) -> list[str]:
-    """Short names of files that differ from each other."""
+    """The shortest ends of some paths that differ from each other."""
     for depth in range(1, max(len(path.parts) for path in paths) + 1):
         names = ["/".join(path.parts[-depth:]) for path in paths]
         if len(set(names)) == len(names):

@@ -1,4 +1,4 @@
-"""What the commands show: a progress bar, tables, JSON."""
+"""Output of the commands: a progress bar, tables, JSON, notes."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def progress(title: str) -> Iterator[Progress]:
-    """A progress bar with a word on what is being done; nothing in a pipe."""
+    """A progress bar that names the present step; nothing in a pipe."""
     if not sys.stderr.isatty():
         yield silent
         return

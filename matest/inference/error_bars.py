@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -14,33 +15,33 @@ from matest.estimators.covariance import Covariance, correlation_of_residuals, f
 from matest.inference.expansion import Expansion
 from matest.samples import Samples
 
-# χ² per degree of freedom above which the model does not hold, where the noise is stated: that is exact.
-_HOLDS_STATED = 1.03
-# The same where noise was estimated from the samples: it is known to some per cent.
-_HOLDS_ESTIMATED = 1.10
-# Both are passed by chance: allow so many standard deviations of χ² per value.
+# χ² per degree of freedom above which the model does not hold, where the noise is stated and so known exactly.
+_MAX_CHI2_STATED_NOISE = 1.03
+# The same where the noise is estimated from the samples, which gives it to some per cent.
+_MAX_CHI2_ESTIMATED_NOISE = 1.10
+# Standard deviations of χ² per value by which chance may raise it above these limits.
 _CHI2_BY_CHANCE = 5.0
-# Scores of groups that scatter this many times as much as independent residuals' do are not independent.
-_CORRELATED = 2.0
-# With few unknowns in few groups chance does that too: allow so many of its standard deviations.
+# Residuals are correlated if the scores of groups scatter this many times as much as those of independent residuals.
+_MAX_CORRELATION = 2.0
+# Standard deviations of that ratio that chance may add: with few unknowns in few groups it varies much.
 _CORRELATION_BY_CHANCE = 5.0
-# The data hold an unknown at an end of its domain if they push by so many standard errors.
-_PUSHED = 0.1
-# With fewer images, their blocks serve as clusters of the jackknife; with fewer blocks, there is nothing to leave out.
+# The data hold an unknown at an end of its domain if they push it outward by this many standard errors.
+_MIN_PUSH = 0.1
+# With fewer images the jackknife leaves out blocks of pixels instead; with fewer blocks there is no jackknife.
 _MIN_CLUSTERS = 4
 
 
 @dataclass(frozen=True, eq=False)
 class ErrorBars:
-    """Covariance of a solution, and what it rests on.
+    """Covariance of a solution, and how it was made.
 
     Attributes:
-        covariance: with unknowns at a bound left out.
-        open: the same with them let free: how far inside the domain the truth may lie.
-        bound: unknowns that the data hold at a bound [P].
-        widening: how many times as wide as by the information alone error bars are [P].
+        covariance: of the unknowns that are not at a bound.
+        open: of all unknowns: how far inside the domain the truth of one at a bound may lie.
+        bound: whether the data hold an unknown at a bound [P].
+        widening: width of the error bars relative to those by the Fisher information [P].
         chi2: per degree of freedom.
-        correlation: of residuals over groups of samples: 1 if they are independent.
+        correlation: of residuals over groups of samples; 1: they are independent.
         holds: whether the model describes the samples to their noise.
         kind: "fisher", "jackknife over images" or "jackknife over blocks".
     """
@@ -61,7 +62,7 @@ class ErrorBars:
     @property
     def reason(self) -> str:
         """Why the model does not hold."""
-        if self.correlation > _CORRELATED and self.chi2 < _HOLDS_ESTIMATED:
+        if self.correlation > _MAX_CORRELATION and self.chi2 < _MAX_CHI2_ESTIMATED_NOISE:
             times = math.sqrt(self.correlation)
             return f"residuals lean the same way over whole regions, {times:.3g} times as much as by chance"
         return f"residuals are {math.sqrt(self.chi2):.3g} times as large"
@@ -71,65 +72,97 @@ def error_bars(solution: Solution, samples: Samples) -> ErrorBars:
     """The error bars of a solution."""
     problem, statistics, expansion = solution.problem, solution.statistics, Expansion.of(solution)
     push = expansion.gradient.abs() / expansion.information.diagonal().clamp(min=1e-300).sqrt()
-    # A valley that ends at a bound does not push: what lies along it is not determined there either.
-    bound = at_bound(problem, solution.unknowns, statistics.gradient) & (push > _PUSHED)
+    # A valley that ends at a bound does not push: the samples do not determine what lies along it.
+    bound = at_bound(problem, solution.unknowns, statistics.gradient) & (push > _MIN_PUSH)
     free = ~bound | expansion.gauges
-    closed, opened = fisher(expansion.precision, free), expansion.covariance
-    values = max(statistics.total("values"), 1)
     chi2 = statistics.total("chi2") / max(statistics.total("values") - int((~bound).sum()), 1)
     correlation, by_chance = correlation_of_residuals(statistics, fisher(expansion.information, ~bound))
-    allowed = (_HOLDS_STATED if samples.noise_stated else _HOLDS_ESTIMATED) + _CHI2_BY_CHANCE * math.sqrt(2 / values)
-    holds = chi2 <= allowed and correlation <= max(_CORRELATED, 1 + _CORRELATION_BY_CHANCE * by_chance)
+    max_correlation = max(_MAX_CORRELATION, 1 + _CORRELATION_BY_CHANCE * by_chance)
+    holds = chi2 <= _max_chi2(statistics, samples) and correlation <= max_correlation
     by_image = statistics.regrouped(samples.groups.image)
     clusters = by_image if len(by_image) >= _MIN_CLUSTERS else statistics
-    kind = "fisher"
-    if not holds and len(clusters) >= _MIN_CLUSTERS:
+    if holds or len(clusters) < _MIN_CLUSTERS:
+        kind = "fisher"
+        covariance, unbounded = fisher(expansion.precision, free), expansion.covariance
+    else:
         kind = "jackknife over images" if clusters is by_image else "jackknife over blocks"
-        closed = _jackknife(expansion, clusters, free, inside=True)
-        opened = _jackknife(expansion, clusters, torch.ones_like(bound), inside=False)
-    widening = (opened.std / expansion.covariance.std).nan_to_num(1.0, posinf=1.0)
-    return ErrorBars(closed, opened, bound, widening, chi2, correlation, holds, kind)
+        covariance = _jackknife(expansion, clusters, free, inside=True)
+        unbounded = _jackknife(expansion, clusters, torch.ones_like(bound), inside=False)
+    widening = (unbounded.std / expansion.covariance.std).nan_to_num(1.0, posinf=1.0)
+    return ErrorBars(
+        covariance=covariance,
+        open=unbounded,
+        bound=bound,
+        widening=widening,
+        chi2=chi2,
+        correlation=correlation,
+        holds=holds,
+        kind=kind,
+    )
+
+
+def _max_chi2(statistics: Statistics, samples: Samples) -> float:
+    """χ² per degree of freedom up to which the model holds."""
+    limit = _MAX_CHI2_STATED_NOISE if samples.noise_stated else _MAX_CHI2_ESTIMATED_NOISE
+    return limit + _CHI2_BY_CHANCE * math.sqrt(2 / max(statistics.total("values"), 1))
 
 
 def _jackknife(expansion: Expansion, clusters: Statistics, free: Tensor, *, inside: bool) -> Covariance:
-    """Covariance from leaving out clusters.
+    """Covariance from leaving out one cluster at a time.
 
-    That of the others at given gauges is as they scatter; what is not known of the gauges adds to it in proportion to
-    how the others move with them.
+    The clusters scatter the other unknowns at given gauges; the uncertainty of the gauges adds to that, as far as the
+    others move with them.
 
     Args:
         expansion: of χ².
-        clusters: what is left out in turn.
+        clusters: are left out in turn.
         free: unknowns that are not at a bound [P].
-        inside: whether the others stay inside their domains.
+        inside: whether the other unknowns stay inside their domains.
     """
-    problem, gauges = expansion.problem, expansion.gauges & free
-    pinned = {position: float(expansion.unknowns[position]) for position in gauges.nonzero()[:, 0].tolist()}
-    given = replace(problem, pinned={**problem.pinned, **pinned})
-
-    def step(information: Tensor, gradient: Tensor) -> Tensor:
-        return bounded_step(given, expansion.unknowns, information, gradient)
-
-    def anywhere(information: Tensor, gradient: Tensor, among: Tensor) -> Tensor:
-        return fisher(information, among).matrix @ gradient
-
+    gauges = expansion.gauges & free
     others = free & ~gauges
-    scatter = jackknife(clusters, others, step if inside else partial(anywhere, among=others))
-    if not pinned:
+    scatter = jackknife(clusters, others, _step_inside(expansion, gauges) if inside else partial(_step, among=others))
+    if not bool(gauges.any()):
         return scatter
-    known = jackknife(clusters, free, partial(anywhere, among=free)).matrix[gauges][:, gauges]
-    everything = torch.ones(len(pinned), dtype=torch.bool)
-    told = fisher(known, everything).matrix + torch.diag(expansion.prior[gauges])
-    unsure = fisher(told, everything)
+    uncertainty = _uncertainty_of_gauges(expansion, clusters, free, gauges)
     moves = -fisher(expansion.information, others).matrix @ expansion.information[:, gauges]
-    moves[gauges] = torch.eye(len(pinned), dtype=torch.float64)
+    moves[gauges] = torch.eye(len(uncertainty.matrix), dtype=torch.float64)
     undetermined = scatter.undetermined.clone()
-    undetermined[gauges] = unsure.undetermined
-    return Covariance(scatter.matrix + moves @ unsure.matrix @ moves.T, undetermined, scatter.degrees)
+    undetermined[gauges] = uncertainty.undetermined
+    return Covariance(scatter.matrix + moves @ uncertainty.matrix @ moves.T, undetermined, scatter.degrees)
+
+
+def _step_inside(expansion: Expansion, gauges: Tensor) -> Callable[[Tensor, Tensor], Tensor]:
+    """Steps of the other unknowns that stay inside their domains, at given gauges."""
+    problem = expansion.problem
+    pinned = {position: float(expansion.unknowns[position]) for position in gauges.nonzero()[:, 0].tolist()}
+    at_gauges = replace(problem, pinned={**problem.pinned, **pinned})
+    return partial(bounded_step, at_gauges, expansion.unknowns)
+
+
+def _step(information: Tensor, gradient: Tensor, among: Tensor) -> Tensor:
+    """The step of the unknowns `among` to the minimum of χ², in their domains or not."""
+    return fisher(information, among).matrix @ gradient
+
+
+def _uncertainty_of_gauges(expansion: Expansion, clusters: Statistics, free: Tensor, gauges: Tensor) -> Covariance:
+    """Covariance of the gauges, from what clusters and domains say of them."""
+    scatter = jackknife(clusters, free, partial(_step, among=free)).matrix[gauges][:, gauges]
+    everything = torch.ones(len(scatter), dtype=torch.bool)
+    precision = fisher(scatter, everything).matrix + torch.diag(expansion.prior[gauges])
+    return fisher(precision, everything)
 
 
 def expected_error_bars(expansion: Expansion) -> ErrorBars:
-    """The error bars of samples that have not been taken: the model will hold, and nothing will lie at a bound."""
-    none = torch.zeros(expansion.problem.size, dtype=torch.bool)
-    covariance = expansion.covariance
-    return ErrorBars(covariance, covariance, none, torch.ones(len(none)).double(), 1.0, 1.0, True, "fisher")
+    """The error bars of future samples, if the model holds and no unknown lies at a bound."""
+    size, covariance = expansion.problem.size, expansion.covariance
+    return ErrorBars(
+        covariance=covariance,
+        open=covariance,
+        bound=torch.zeros(size, dtype=torch.bool),
+        widening=torch.ones(size, dtype=torch.float64),
+        chi2=1.0,
+        correlation=1.0,
+        holds=True,
+        kind="fisher",
+    )

@@ -1,4 +1,4 @@
-"""χ² to second order about some values of the unknowns: of samples that were fitted, or of ones that are foreseen."""
+"""χ² to second order about some values of the unknowns, for fitted samples or for future ones."""
 
 from __future__ import annotations
 
@@ -14,13 +14,12 @@ from matest.estimators.covariance import Covariance, fisher
 
 @dataclass(frozen=True, eq=False)
 class Expansion:
-    """χ²(u + δ) = χ²(u) − 2 gradient · δ + δᵀ information δ, in units of the residuals that there are.
+    """χ²(u + δ) = χ²(u) − 2 gradient · δ + δᵀ information δ, in units of the variance of the residuals.
 
     Residuals larger than the noise make information and gradient smaller.
 
-    A gauge, which stands for the unknown scale of the light, is a nuisance with a bounded domain: what the samples do
-    not say of it, the domain does. Where it has no effect it takes nothing from the other unknowns, and how near it is
-    to an end of its domain changes little.
+    A gauge stands for the unknown scale of the light. Its bounded domain serves as its prior: a gauge without effect
+    then does not widen the error bars of the other unknowns, and its distance from an end of the domain matters little.
 
     Attributes:
         problem: what the unknowns are.
@@ -41,7 +40,7 @@ class Expansion:
 
     @classmethod
     def about(cls, problem: Problem, unknowns: Tensor, statistics: Statistics, inflation: float) -> Expansion:
-        """χ² about u [P], squared residuals being `inflation` times the noise variance; priors stay as they are."""
+        """χ² about u [P], where squared residuals are `inflation` times the noise variance; priors are not scaled."""
         information, gradient = statistics.information / inflation, statistics.gradient / inflation
         if statistics.prior is not None:
             rest = 1 - 1 / inflation
@@ -69,13 +68,13 @@ class Expansion:
 
     @cached_property
     def prior(self) -> Tensor:
-        """What the domains of gauges say of them [P]: 1 / mean square distance of the places there from the value."""
+        """Precision of the gauges by their domains alone [P]: 1 / mean square distance of the domain from the value."""
         width = self.problem.upper - self.problem.lower
         off_centre = self.unknowns - (self.problem.upper + self.problem.lower) / 2
-        told = self.gauges & torch.isfinite(width)
-        return torch.where(told, 1 / (width.square() / 12 + off_centre.square()), 0.0)
+        informative = self.gauges & torch.isfinite(width)
+        return torch.where(informative, 1 / (width.square() / 12 + off_centre.square()), 0.0)
 
     @cached_property
     def precision(self) -> Tensor:
-        """What samples and domains say together [P, P]: the inverse of the covariance."""
+        """Inverse of the covariance, from samples and domains [P, P]."""
         return self.information + torch.diag(self.prior)

@@ -1,9 +1,9 @@
-"""Intervals of 95 % by the profile of the likelihood, where symmetric ones say little."""
+"""95 % intervals by the profile of the likelihood, where symmetric intervals are wrong."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import torch
@@ -16,11 +16,10 @@ from matest.inference.lobes import LobesNotSeen
 from matest.inference.profiles import Profile
 from matest.inference.valleys import Around, Valleys
 
-# A bound is near within so many standard errors.
-_NEAR = 3.0
-# What lies this much further off than the 95 % reach of an error bar, on another unknown's profile, belongs to a valley
-# that bends.
-_BEYOND = 1.2
+# Standard errors within which a bound is near enough to cut an interval.
+_NEAR_BOUND = 3.0
+# A valley bends if the profile of another unknown moves an unknown this many times the 95 % reach of its error bar.
+_STRAY = 1.2
 
 
 @dataclass(frozen=True)
@@ -28,8 +27,8 @@ class Intervals:
     """Intervals of unknowns, by position in u.
 
     Attributes:
-        ends: of the unknowns at or near a bound and along valleys that bend.
-        bent: positions of the latter; those too that only another unknown's profile shows to lie along one.
+        ends: of the unknowns at or near a bound and along bent valleys.
+        bent: positions of unknowns along bent valleys, also of valleys that only another unknown's profile shows.
     """
 
     ends: Mapping[int, tuple[float, float]] = field(default_factory=dict)
@@ -42,60 +41,92 @@ def profile_intervals(
     lobes: LobesNotSeen,
     valleys: Valleys,
     around: Around,
-    lost: Collection[int],
+    not_determined: Collection[int],
 ) -> Intervals:
-    """Intervals by the profile of the likelihood near a bound and along a valley that bends.
+    """Intervals by the profile of the likelihood near a bound and along a bent valley.
 
-    A symmetric interval says little there: the likelihood is cut, and often far from quadratic.
+    A symmetric interval is wrong there: a bound cuts the likelihood, and often it is far from quadratic.
 
     Args:
-        expansion, bars, lobes, valleys: what is known to second order, and where that is not true.
+        expansion, bars, lobes: the likelihood to second order.
+        valleys: where the second order is wrong.
         around: gives the likelihood about the optimum.
-        lost: positions of unknowns that are not determined to first order.
+        not_determined: positions of unknowns that are not determined to first order.
     """
     problem = expansion.problem
+    # Few clusters of the jackknife widen intervals by this much.
     quantile = quantile95(bars.covariance.degrees)
+    small_sample = quantile / quantile95(math.inf)
     ends: dict[int, tuple[float, float]] = {}
-    passed = [expansion.unknowns]
+    visited = [expansion.unknowns]
     for position in range(problem.size):
-        if position in lost and (position not in valleys.bent or position in valleys.locked):
+        if position in not_determined and (position not in valleys.bent or position in valleys.locked):
             continue
-        value, std = float(expansion.unknowns[position]), float(bars.open.std[position])
-        room = float(min(value - problem.lower[position], problem.upper[position] - value))
-        if position in valleys.flat:
-            spread, wider = valleys.flat[position], bars.largest_widening
-        elif std > 0 and (room < _NEAR * std or position in valleys.bent):
-            spread, wider = quantile * std, float(bars.widening[position])
-        else:
-            continue
-        wider = wider * quantile / quantile95(math.inf)
-        low, high, inside = Profile(around(), position, wider, position in valleys.flat).interval(spread)
-        ends[position] = (low, high)
-        passed += inside
+        guess = _first_guess(expansion, bars, valleys, position, quantile)
+        if guess is not None:
+            spread, wider = guess
+            profile = Profile(around(), position, wider * small_sample, position in valleys.flat)
+            low, high, inside = profile.interval(spread)
+            ends[position] = (low, high)
+            visited += inside
     reach = quantile * bars.open.std
-    strays = _strays(expansion, reach, passed) - {*ends}
-    for position in strays:
-        # No profile of its own, or one that stays on its side of a valley: another one's led there.
-        middle, half = float(expansion.unknowns[position]), float(reach[position])
-        ends[position] = (
-            max(middle - half, float(problem.lower[position])),
-            min(middle + half, float(problem.upper[position])),
-        )
-    lowest, highest = torch.stack(passed).aminmax(dim=0)
-    ends = {
+    strays = _strays(expansion, reach, visited) - {*ends}
+    ends |= {position: _symmetric(expansion, position, float(reach[position])) for position in strays}
+    ends = _covering(ends, visited)
+    return Intervals(_from_zero(expansion, lobes, ends), valleys.bent | strays)
+
+
+def _first_guess(
+    expansion: Expansion, bars: ErrorBars, valleys: Valleys, position: int, quantile: float
+) -> tuple[float, float] | None:
+    """Half-width to begin the profile of an unknown with, and widening of its error bars; None: it needs no profile."""
+    if position in valleys.flat:
+        return valleys.flat[position], bars.largest_widening
+    value, std = float(expansion.unknowns[position]), float(bars.open.std[position])
+    room = float(min(value - expansion.problem.lower[position], expansion.problem.upper[position] - value))
+    if std > 0 and (room < _NEAR_BOUND * std or position in valleys.bent):
+        return quantile * std, float(bars.widening[position])
+    return None
+
+
+def _symmetric(expansion: Expansion, position: int, reach: float) -> tuple[float, float]:
+    """The interval of an unknown by its error bar, inside its domain."""
+    value = float(expansion.unknowns[position])
+    lower, upper = float(expansion.problem.lower[position]), float(expansion.problem.upper[position])
+    return max(value - reach, lower), min(value + reach, upper)
+
+
+def _covering(ends: Mapping[int, tuple[float, float]], visited: Sequence[Tensor]) -> dict[int, tuple[float, float]]:
+    """Intervals widened to all values inside the 95 % region that some profile visited."""
+    lowest, highest = torch.stack([*visited]).aminmax(dim=0)
+    return {
         position: (min(low, float(lowest[position])), max(high, float(highest[position])))
         for position, (low, high) in ends.items()
     }
-    for name in lobes.amplitudes:
-        place = problem.where[name]
-        for position in {*range(place.start, place.stop)} & {*ends}:
-            # The width that was searched for made the most of the noise.
-            ends[position] = (float(problem.lower[position]), ends[position][1])
-    return Intervals(ends, valleys.bent | strays)
 
 
-def _strays(expansion: Expansion, reach: Tensor, passed: list[Tensor]) -> set[int]:
-    """Positions of unknowns that profiles of others have led far beyond their own error bars."""
-    lowest, highest = torch.stack(passed).aminmax(dim=0)
-    further = (highest - expansion.unknowns > _BEYOND * reach) | (expansion.unknowns - lowest > _BEYOND * reach)
+def _from_zero(
+    expansion: Expansion, lobes: LobesNotSeen, ends: Mapping[int, tuple[float, float]]
+) -> dict[int, tuple[float, float]]:
+    """The intervals, those of amplitudes of lobes that are not seen beginning at zero.
+
+    The search chose the width that fits the noise best, which makes these amplitudes look larger.
+    """
+    problem = expansion.problem
+    amplitudes = {
+        position for name in lobes.amplitudes for position in range(problem.where[name].start, problem.where[name].stop)
+    }
+    return {
+        position: (float(problem.lower[position]) if position in amplitudes else low, high)
+        for position, (low, high) in ends.items()
+    }
+
+
+def _strays(expansion: Expansion, reach: Tensor, visited: Sequence[Tensor]) -> set[int]:
+    """Positions of unknowns that profiles of others moved far beyond their own error bars.
+
+    They have no profile of their own, or one that stays on its side of a valley.
+    """
+    lowest, highest = torch.stack([*visited]).aminmax(dim=0)
+    further = (highest - expansion.unknowns > _STRAY * reach) | (expansion.unknowns - lowest > _STRAY * reach)
     return {*(further & (reach > 0)).nonzero()[:, 0].tolist()}

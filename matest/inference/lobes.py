@@ -1,4 +1,4 @@
-"""Lobes that are not seen: their strength does not differ from zero, and nothing is known of their shape."""
+"""Lobes that are not seen: their strength does not differ from zero, so the samples say nothing of their shape."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from matest.estimators.covariance import fisher
 from matest.inference.error_bars import ErrorBars
 from matest.inference.expansion import Expansion
 
-# A lobe is seen if its amplitude lies so many standard errors above zero: with a width free to be searched for, and
-# several channels, noise alone often looks like two or three.
-_VISIBLE = 4.0
+# Standard errors by which the amplitude of a visible lobe exceeds zero: where a search chooses the width, and with
+# several channels, noise alone often reaches two or three.
+_VISIBLE_AMPLITUDE = 4.0
 
 
 @dataclass(frozen=True)
 class LobesNotSeen:
-    """Parameters of lobes that are not there for all that the samples tell.
+    """Parameters of lobes that the samples do not show.
 
     Attributes:
-        shapes: shape parameters of nothing but such lobes.
+        shapes: parameters that shape such lobes only.
         amplitudes: free amplitudes of such lobes.
     """
 
@@ -43,7 +43,7 @@ def lobes_not_seen(expansion: Expansion, bars: ErrorBars) -> LobesNotSeen:
 
 
 def _any_seen(expansion: Expansion, bars: ErrorBars, shape: str) -> bool:
-    """Whether any lobe that a parameter shapes is seen: a product, gone when any one of its factors is."""
+    """Whether any lobe that a parameter shapes is seen: one all of whose factors differ from zero."""
     return any(
         all(_differs_from_zero(expansion, bars, factor, product) for factor in product)
         for product in expansion.problem.brdf.structure.carriers(shape)
@@ -51,15 +51,15 @@ def _any_seen(expansion: Expansion, bars: ErrorBars, shape: str) -> bool:
 
 
 def _differs_from_zero(expansion: Expansion, bars: ErrorBars, factor: Factor, product: Product) -> bool:
-    """Whether a factor differs from zero in any channel, the other factors of its product and all shapes given."""
+    """Whether a factor differs from zero in any channel, at given other factors of its product and given shapes."""
     problem = expansion.problem
     value = factor.value(expansion.values).reshape(-1)
     source = problem.ties.get(factor.name, factor.name)
     if source in problem.gauges or source not in problem.where:
         return source in problem.gauges or bool((value != 0).any())
     others = {problem.ties.get(other.name, other.name) for other in product} - {source}
-    beside = torch.zeros(problem.size, dtype=torch.bool)
+    free = torch.zeros(problem.size, dtype=torch.bool)
     for name in {*problem.amplitudes} - others:
-        beside[problem.where[name]] = True
-    std = (fisher(expansion.precision, beside).std * bars.widening)[problem.where[source]]
-    return bool((value > _VISIBLE * std).any())
+        free[problem.where[name]] = True
+    std = (fisher(expansion.precision, free).std * bars.widening)[problem.where[source]]
+    return bool((value > _VISIBLE_AMPLITUDE * std).any())

@@ -1,4 +1,4 @@
-"""What samples say of every unknown, built once and only read afterwards."""
+"""The posterior: what samples say of every unknown, built once and only read afterwards."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from matest.inference.intervals import Intervals, profile_intervals
 from matest.inference.lobes import LobesNotSeen, lobes_not_seen
 from matest.inference.profiles import Surroundings, surroundings
 from matest.inference.quantities import ParameterEstimate
-from matest.inference.statuses import Verdict, combined, verdicts
-from matest.inference.valleys import Valleys, valleys
+from matest.inference.statuses import Verdict, combined, verdicts_on
+from matest.inference.valleys import Valleys, valleys_about
 from matest.parameters import Role
 from matest.samples import Samples
 
@@ -27,17 +27,17 @@ class Posterior:
     """What samples say of every unknown.
 
     Attributes:
-        problem: what was estimated.
+        problem: names what was estimated.
         unknowns: the optimum u [P].
         bars: covariance, χ², whether the model holds, and the kind of error bars.
-        lobes: those that are not seen.
-        valleys: unknowns, by position, of which the covariance says nothing true.
+        lobes: lobes that are not seen.
+        valleys: unknowns, by position, for which the covariance is wrong.
         intervals: by the profile of the likelihood, by position.
         estimates: of every parameter and derived quantity, by name.
         labels: names of the rows of `correlation`.
         correlation: of the estimates, [P][P].
-        seen_together: names under which parameters are reported of which only combinations are seen.
-        nuisance: estimates of the blocks that belong to the calibration, one number an image.
+        seen_together: reported names of parameters of which the samples see only combinations.
+        nuisance: estimates of the blocks of the calibration, one number an image.
     """
 
     problem: Problem
@@ -54,7 +54,7 @@ class Posterior:
 
     @property
     def not_determined(self) -> list[str]:
-        """Names under which free parameters are reported that are not determined."""
+        """Reported names of the free parameters that are not determined."""
         names = [reported_name(self.problem, name) for name in self.problem.free]
         return [name for name in names if self.estimates[name].status == "not determined"]
 
@@ -68,20 +68,20 @@ def judge(solution: Solution, samples: Samples) -> Posterior:
 
     expansion, bars = Expansion.of(solution), error_bars(solution, samples)
     lobes = lobes_not_seen(expansion, bars)
-    there = valleys(solution, bars, lobes, around)
-    first = verdicts(expansion, bars, lobes, there, Intervals())
-    lost = {position for position, verdict in enumerate(first) if verdict.value is None}
-    intervals = profile_intervals(expansion, bars, lobes, there, around, lost)
-    return _posterior(expansion, bars, lobes, there, intervals)
+    valleys = valleys_about(solution, bars, lobes, around)
+    first_order = verdicts_on(expansion, bars, lobes, valleys, Intervals())
+    not_determined = {position for position, verdict in enumerate(first_order) if verdict.value is None}
+    intervals = profile_intervals(expansion, bars, lobes, valleys, around, not_determined)
+    return _posterior(expansion, bars, lobes, valleys, intervals)
 
 
 def judge_to_first_order(solution: Solution, samples: Samples) -> Posterior:
-    """The same without a look at the likelihood away from the optimum: symmetric intervals, no valleys."""
+    """The same by the covariance at the optimum alone: symmetric intervals, no valleys."""
     return _to_first_order(Expansion.of(solution), error_bars(solution, samples))
 
 
 def foresee(expansion: Expansion) -> Posterior:
-    """What samples that have not been taken will say, to first order."""
+    """What future samples will say, to first order."""
     return _to_first_order(expansion, expected_error_bars(expansion))
 
 
@@ -90,46 +90,47 @@ def _to_first_order(expansion: Expansion, bars: ErrorBars) -> Posterior:
 
 
 def _posterior(
-    expansion: Expansion, bars: ErrorBars, lobes: LobesNotSeen, there: Valleys, intervals: Intervals
+    expansion: Expansion, bars: ErrorBars, lobes: LobesNotSeen, valleys: Valleys, intervals: Intervals
 ) -> Posterior:
-    problem, final = expansion.problem, verdicts(expansion, bars, lobes, there, intervals)
+    verdicts = verdicts_on(expansion, bars, lobes, valleys, intervals)
     return Posterior(
-        problem,
-        expansion.unknowns,
-        bars,
-        lobes,
-        there,
-        intervals,
-        with_derived(expansion, bars, _estimates(expansion, final)),
-        reported_labels(problem),
-        reported_correlation(expansion, bars),
-        _seen_together(expansion, bars, there, intervals),
-        _nuisance(problem, final),
+        problem=expansion.problem,
+        unknowns=expansion.unknowns,
+        bars=bars,
+        lobes=lobes,
+        valleys=valleys,
+        intervals=intervals,
+        estimates=with_derived(expansion, bars, _estimates(expansion, verdicts)),
+        labels=reported_labels(expansion.problem),
+        correlation=reported_correlation(expansion, bars),
+        seen_together=_seen_together(expansion, bars, valleys, intervals),
+        nuisance=_nuisance(expansion.problem, verdicts),
     )
 
 
-def _estimates(expansion: Expansion, final: Sequence[Verdict]) -> dict[str, ParameterEstimate]:
+def _estimates(expansion: Expansion, verdicts: Sequence[Verdict]) -> dict[str, ParameterEstimate]:
     """Every parameter of the model: estimated, tied or fixed."""
     problem, out = expansion.problem, {}
     for name, declared in problem.brdf.declared.items():
         source = problem.ties.get(name, name)
         value = expansion.values[name]
         if source in problem.where:
-            estimate = combined(final[problem.where[source]], declared.unit, declared.doc)
+            estimate = combined(verdicts[problem.where[source]], declared.unit, declared.doc)
             out[name] = replace(estimate, status="tied") if source != name else estimate
         elif declared.role is not Role.GAUGE or float(value) != 1:
             out[name] = ParameterEstimate(value.tolist(), None, None, declared.unit, "fixed", declared.doc)
     return out
 
 
-def _nuisance(problem: Problem, final: Sequence[Verdict]) -> dict[str, ParameterEstimate]:
+def _nuisance(problem: Problem, verdicts: Sequence[Verdict]) -> dict[str, ParameterEstimate]:
     """Every block that is no parameter of the model."""
     declared = {name: problem.declared(name) for name in problem.where if name not in problem.brdf.declared}
-    return {name: combined(final[problem.where[name]], of.unit, of.doc) for name, of in declared.items()}
+    return {name: combined(verdicts[problem.where[name]], block.unit, block.doc) for name, block in declared.items()}
 
 
-def _seen_together(expansion: Expansion, bars: ErrorBars, there: Valleys, intervals: Intervals) -> frozenset[str]:
+def _seen_together(expansion: Expansion, bars: ErrorBars, valleys: Valleys, intervals: Intervals) -> frozenset[str]:
+    """Reported names of the parameters of which the samples see only combinations."""
     problem = expansion.problem
     together = bars.covariance.undetermined & (expansion.information.diagonal() > 0)
-    together[[*intervals.bent, *there.bent, *there.locked]] = True
+    together[[*intervals.bent, *valleys.bent, *valleys.locked]] = True
     return frozenset(reported_name(problem, name) for name, place in problem.where.items() if together[place].any())

@@ -1,4 +1,4 @@
-"""Intervals of unknowns near a bound or in a bent valley: by the profile of the likelihood, all others refitted."""
+"""Profiles of the likelihood: χ² at given values of one unknown, all others refitted, and the intervals from that."""
 
 from __future__ import annotations
 
@@ -13,19 +13,29 @@ from matest.estimators.levenberg_marquardt import bounded_step, minimise
 from matest.estimators.passes import Evaluate, passes_over
 from matest.samples import Tiles
 
-# χ² that a value may cost inside a 95 % interval: away from every bound, and at a bound that no estimate can pass.
-TWO_SIDED, _ONE_SIDED = 3.841458820694124, 2.705543454095414
-# Passes to refit the others, along a bent valley, until they move by less than so many standard errors.
-_PASSES, _SETTLED = 12, 0.2
-# Values tried for an end of an interval, until their cost is within this share of the one that is looked for.
-_TRIALS, _CLOSE = 16, 0.1
-# The cost rises with the distance to a power between these; one trial moves the end by no more than this factor.
-_POWERS, _STRIDE = (1.0, 8.0), 5.0
-# Beyond a bend it is a wall: between a value that costs too little and one that costs too much no trial comes nearer to
-# either than this share, until that is so small a share of the interval.
-_MARGIN, _NARROW = 0.25, 0.08
-# A bound further than so many guesses of the half-width does not cut an interval.
-_FAR = 2.0
+# Rise of χ² at the ends of a 95 % interval, away from every bound: the 95 % quantile of χ² with one degree of freedom.
+TWO_SIDED = 3.841458820694124
+# The same at a bound that no estimate can pass: the 90 % quantile.
+_ONE_SIDED = 2.705543454095414
+# Passes to refit the other unknowns: along a bent valley they have far to go.
+_REFIT_PASSES = 12
+# Standard errors; a refit ends when its steps are shorter: the ends of an interval need no more.
+_REFIT_TOLERANCE = 0.2
+# Values tried for one end of an interval.
+_MAX_TRIALS = 16
+# The trials end within this share of the wanted rise of χ²: the end is then right to a twentieth where χ² is quadratic.
+_RISE_TOLERANCE = 0.1
+# Exponents p between which χ² ∝ distanceᵖ is believed.
+_MIN_POWER = 1.0
+_MAX_POWER = 8.0
+# Largest factor by which one trial moves the end away from the optimum, or back.
+_MAX_STRIDE = 5.0
+# χ² can rise steeply beyond a bend: keep trials at least this fraction of the bracket away from its ends.
+_BRACKET_MARGIN = 0.25
+# The trials end when that margin is this fraction of the distance to the optimum.
+_NARROW_MARGIN = 0.08
+# A bound further away than this multiple of the guessed half-width does not cut an interval.
+_FAR_BOUND = 2.0
 
 
 @dataclass(frozen=True)
@@ -35,8 +45,8 @@ class Rise:
     Attributes:
         value: of the unknown.
         cost: χ² above its minimum, the other unknowns refitted.
-        slope: its derivative by the value.
-        refit: the other unknowns there.
+        slope: derivative of the cost by the value.
+        refit: all unknowns at that value.
     """
 
     value: float
@@ -47,12 +57,12 @@ class Rise:
 
 @dataclass(frozen=True)
 class Surroundings:
-    """The likelihood about a solution, expanded there.
+    """The likelihood about an optimum.
 
     Attributes:
-        best: its optimum.
-        evaluate: statistics at any unknowns.
-        share: of all samples that these are of.
+        best: the optimum.
+        evaluate: gives the statistics at any unknowns.
+        share: share of all samples that the statistics are of.
     """
 
     best: Solution
@@ -60,18 +70,18 @@ class Surroundings:
     share: float = 1.0
 
     def at(self, position: int, value: float, near: Solution | None = None) -> Rise:
-        """Refit all unknowns but one, starting from a refit near it; None: from the optimum. Costs allow for misfit."""
+        """Refit all unknowns but one, beginning at the refit `near`; None: at the optimum. Costs allow for misfit."""
         near = near or self.best
         pinned = replace(near.problem, pinned={position: value})
         information, gradient = near.statistics.information, near.statistics.gradient
         start = near.unknowns.clone()
         start[position] = value
-        # Where the quadratic model expects them.
+        # Begin where the quadratic model expects the others.
         start = start + bounded_step(pinned, start, information, gradient - information @ (start - near.unknowns))
-        found = minimise(pinned, start, self.evaluate, passes=_PASSES, tolerance=_SETTLED)
+        refit = minimise(pinned, start, self.evaluate, passes=_REFIT_PASSES, tolerance=_REFIT_TOLERANCE)
         unit = self.best.statistics.inflation * self.share
-        slope = -2 * float(found.statistics.gradient[position]) / unit
-        return Rise(value, (_lowest(found) - _lowest(self.best)) / unit, slope, found)
+        slope = -2 * float(refit.statistics.gradient[position]) / unit
+        return Rise(value, (_lowest_cost(refit) - _lowest_cost(self.best)) / unit, slope, refit)
 
 
 def surroundings(
@@ -80,14 +90,14 @@ def surroundings(
     """Expand the likelihood about an optimum.
 
     Args:
-        problem: what is estimated.
-        unknowns: u [P] there.
-        tiles: samples.
+        problem: names what is estimated.
+        unknowns: the optimum u [P].
+        tiles: of the samples.
         residual_scale: see `likelihood.about`.
-        share: of all samples that these are of.
+        share: share of all samples that the tiles hold.
     """
     evaluate = passes_over(problem, tiles, unknowns, unknowns, residual_scale)
-    best = minimise(problem, unknowns, evaluate, passes=_PASSES, tolerance=_SETTLED)
+    best = minimise(problem, unknowns, evaluate, passes=_REFIT_PASSES, tolerance=_REFIT_TOLERANCE)
     return Surroundings(best, evaluate, share)
 
 
@@ -96,10 +106,10 @@ class Profile:
     """The likelihood along one unknown.
 
     Attributes:
-        around: the likelihood about the optimum, from which values are tried.
+        around: the likelihood about the optimum.
         position: of the unknown in u.
-        wider: how many times wider than by the noise and the misfit alone error bars are.
-        flat: whether the model depends on the square of the distance to the bound that is near.
+        wider: width of the error bars relative to those by noise and misfit alone.
+        flat: whether the model depends on the square of the distance to the nearest bound.
     """
 
     around: Surroundings
@@ -115,63 +125,68 @@ class Profile:
     def interval(self, spread: float) -> tuple[float, float, list[Tensor]]:
         """Both ends of the 95 % interval, and unknowns u [P] inside; `spread` is a guess of its half-width."""
         best = self.around.best
-        start = float(best.unknowns[self.position])
-        ends = [float(best.problem.lower[self.position]), float(best.problem.upper[self.position])]
-        bound, other = sorted(ends, key=lambda end: abs(end - start))
-        inward = 1.0 if other > bound else -1.0
-        first, back = start + inward * spread, start - inward * spread
+        optimum = float(best.unknowns[self.position])
+        domain = [float(best.problem.lower[self.position]), float(best.problem.upper[self.position])]
+        near_bound, far_bound = sorted(domain, key=lambda bound: abs(bound - optimum))
+        inward = 1.0 if far_bound > near_bound else -1.0
+        inner, outer = optimum + inward * spread, optimum - inward * spread
         inside: list[Tensor] = []
-        if abs(start - bound) < 1e-6 * spread:
-            near, far = bound, self._end(start, first, other, None, inside)
-        elif abs(start - bound) > _FAR * spread:
-            near, far = (self._end(start, *towards, TWO_SIDED, inside) for towards in ((back, bound), (first, other)))
+        if abs(optimum - near_bound) < 1e-6 * spread:
+            near, far = near_bound, self._end(inner, far_bound, None, inside)
+        elif abs(optimum - near_bound) > _FAR_BOUND * spread:
+            near = self._end(outer, near_bound, TWO_SIDED, inside)
+            far = self._end(inner, far_bound, TWO_SIDED, inside)
         else:
-            at_bound = self.at(bound)
-            pulls = math.sqrt(max(at_bound.cost, 0.0))
-            near, far = bound, self._end(start, first, other, TWO_SIDED, inside)
+            at_bound = self.at(near_bound)
+            distance = math.sqrt(max(at_bound.cost, 0.0))
+            near, far = near_bound, self._end(inner, far_bound, TWO_SIDED, inside)
             if at_bound.cost > _ONE_SIDED:
-                back = inward * max(inward * back, inward * bound)
-                near = self._end(start, back, bound, lower_threshold(pulls), inside)
+                outer = inward * max(inward * outer, inward * near_bound)
+                near = self._end(outer, near_bound, lower_threshold(distance), inside)
         return min(near, far), max(near, far), inside
 
-    def _end(self, start: float, first: float, limit: float, threshold: float | None, passed: list[Tensor]) -> float:
-        """The value between `start` and `limit` at which χ² has risen by `threshold`; None: as for one at its bound.
+    def _end(self, guess: float, limit: float, threshold: float | None, visited: list[Tensor]) -> float:
+        """The end of an interval: the value between optimum and limit at which χ² has risen by a threshold.
 
-        Refits on the way there that have risen by less go to `passed`.
+        Args:
+            guess: of the end.
+            limit: the bound on that side.
+            threshold: rise of χ²; None: that of an estimate at its bound, which follows from the profile.
+            visited: takes the refits at values inside the interval.
         """
+        start = float(self.around.best.unknowns[self.position])
         low, high = min(start, limit), max(start, limit)
-        value = min(max(first, low), high)
+        value = min(max(guess, low), high)
         inside, outside, near = start, math.inf, self.around.best
-        for trial in range(_TRIALS):
+        for trial in range(_MAX_TRIALS):
             rise = self.at(value, near)
             gain = rise.slope * (value - start)
-            wanted = upper_threshold(self._push(rise.cost, gain)) if threshold is None else threshold
-            if rise.cost > wanted:
+            target = upper_threshold(self._push(rise.cost, gain)) if threshold is None else threshold
+            if rise.cost > target:
                 outside = value
             else:
                 inside, near = value, rise.refit
-                passed.append(near.unknowns)
+                visited.append(near.unknowns)
                 if value == limit:
                     return limit
-            # χ² = a · distance^power with the value and the slope found here.
-            power = min(max(gain / rise.cost, _POWERS[0]), _POWERS[1]) if rise.cost > 0 else _POWERS[1]
-            factor = (wanted / max(rise.cost, 1e-12)) ** (1 / power)
+            factor = _stride(rise.cost, gain, target)
             if trial > 1 and math.isinf(outside):
-                factor = max(factor, 2.0)  # the slope of a refit that is not quite settled may be far off
-            value = start + (value - start) * min(max(factor, 1 / _STRIDE), _STRIDE)
-            if abs(rise.cost / wanted - 1) < _CLOSE:
+                # The slope of a refit that has not converged may be far off.
+                factor = max(factor, 2.0)
+            value = start + (value - start) * min(max(factor, 1 / _MAX_STRIDE), _MAX_STRIDE)
+            if abs(rise.cost / target - 1) < _RISE_TOLERANCE:
                 break
             if math.isfinite(outside):
-                margin = _MARGIN * (outside - inside)
+                margin = _BRACKET_MARGIN * (outside - inside)
                 ends = sorted((inside + margin, outside - margin))
                 value = min(max(value, ends[0]), ends[1])
-                if abs(margin) < _NARROW * abs(outside - start):
+                if abs(margin) < _NARROW_MARGIN * abs(outside - start):
                     break
             value = min(max(value, low), high)
         return min(max(value, low), high)
 
     def _push(self, cost: float, gain: float) -> float:
-        """By how many standard errors the data push an estimate at its bound outward, from the profile at one value.
+        """The push of the data outward on an estimate at its bound, in standard errors, from the profile at one value.
 
         In a coordinate q in which χ² is quadratic, q in standard errors, cost = q² + 2 q push and gain = q dχ²/dq.
         """
@@ -180,10 +195,19 @@ class Profile:
         return max((cost - distance**2) / (2 * distance), 0.0)
 
 
-def _lowest(found: Solution) -> float:
-    """Cost where the last step leads."""
-    cost = found.statistics.cost
-    return cost - found.last_step**2 * found.statistics.inflation if found.converged else cost
+def _stride(cost: float, gain: float, target: float) -> float:
+    """Factor on the distance from the optimum that takes the cost to the target.
+
+    χ² = a · distance^power, with the cost and the gain = distance · dχ²/d(distance) at one value.
+    """
+    power = min(max(gain / cost, _MIN_POWER), _MAX_POWER) if cost > 0 else _MAX_POWER
+    return (target / max(cost, 1e-12)) ** (1 / power)
+
+
+def _lowest_cost(solution: Solution) -> float:
+    """The cost that the last step of a solution leads to."""
+    cost = solution.statistics.cost
+    return cost - solution.last_step**2 * solution.statistics.inflation if solution.converged else cost
 
 
 def lower_threshold(estimate: float) -> float:
@@ -193,17 +217,17 @@ def lower_threshold(estimate: float) -> float:
 
 
 def upper_threshold(push: float) -> float:
-    """Rise of χ² at the upper end, for an estimate at its bound that the data push outward by so many standard errors.
+    """Rise of χ² at the upper end, for an estimate at its bound that the data push outward by `push` standard errors.
 
-    The unified intervals of Feldman & Cousins (1998), which hold the truth 19 times in 20 at every distance from the
-    bound: without a push 3.84, with a strong one 2.71.
+    These are the unified intervals of Feldman & Cousins (1998), which hold the truth 19 times in 20 at every distance
+    from the bound. The rise is 3.84 without a push and 2.71 with a strong one.
     """
     end = _root(lambda truth: truth**2 + 2 * push * truth - threshold(truth), 0.0, 2.0)
     return end**2 + 2 * push * end
 
 
 def threshold(truth: float) -> float:
-    """The likelihood ratio χ² that 1 estimate in 20 exceeds, of a truth so many standard errors inside its bound.
+    """The likelihood ratio χ² that 1 estimate in 20 exceeds, for a truth `truth` standard errors inside its bound.
 
     The estimate x is normal about the truth t; χ² is (x − t)² where x is inside, and t² − 2 x t, the rise from the
     bound, where it is not.
@@ -223,7 +247,7 @@ def _normal(x: float) -> float:
 
 
 def _root(function: Callable[[float], float], low: float, high: float) -> float:
-    """Zero of a function that is negative at `low` and positive at `high`, by bisection."""
+    """Root of a function that is negative at `low` and positive at `high`, by bisection."""
     for _ in range(50):
         middle = (low + high) / 2
         low, high = (middle, high) if function(middle) < 0 else (low, middle)

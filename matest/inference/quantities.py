@@ -1,4 +1,4 @@
-"""What is known of one parameter after a fit."""
+"""The estimate of one parameter."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class ParameterEstimate:
     Attributes:
         value: physical value; None where it is not determined.
         std: standard error; None where there is none (fixed, at a bound, not determined).
-        interval95: [lower, upper], or a list of them; None likewise.
+        interval95: [lower, upper], or one such pair per channel; None where there is none.
         unit: "1", "rad", "µm".
         status: determined | at bound | tied | fixed | not determined.
         doc: what the parameter is.

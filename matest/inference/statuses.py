@@ -1,4 +1,4 @@
-"""What error bars, valleys and intervals make of each unknown: a number, a bound, or nothing."""
+"""The verdict on each unknown, from error bars, valleys and intervals: determined, at bound or not determined."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ from matest.inference.lobes import LobesNotSeen
 from matest.inference.quantities import ParameterEstimate
 from matest.inference.valleys import Valleys
 
-# A value drawn evenly from a domain has this share of its width as its standard deviation: no better known, nothing is.
-_KNOWS_NOTHING = 1 / math.sqrt(12)
-# A value at or near a bound is not known if its interval covers this share of the domain.
-_ANYWHERE = 0.95
-# A parameter that only its logarithm is even in, and one along a bent valley, is not known to more than this of itself.
-_FACTOR = 0.5
+# Standard deviation of a value drawn evenly from a domain, as a share of its width: no knowledge at all.
+_STD_OF_EVEN = 1 / math.sqrt(12)
+# Share of the domain that the interval of a value near a bound covers if the samples say nothing of it.
+_WHOLE_DOMAIN = 0.95
+# Relative standard error above which parameters that range over decades, and those along a bent valley, are not known.
+_LARGEST_RELATIVE_STD = 0.5
 
 
 @dataclass(frozen=True)
 class Unknown:
-    """One unknown, and what is known of it.
+    """One unknown, as the rules read it.
 
     Attributes:
         value: at the optimum.
         std: standard error.
         interval: of 95 %.
         width: of its domain.
-        largest_std: with a larger standard error nothing is known of it.
+        largest_std: with a larger standard error it is not determined.
         lower: end of its domain.
-        flat: whether χ² is flat at the lower bound that it is near.
-        at_end: whether it lies at a bound for all that the samples tell.
-        near_end: whether its interval is by the profile of the likelihood, or it lies at an end.
-        undetermined: whether it takes part in a combination that the samples say nothing of.
-        locked: whether it moves with another one of which they say nothing where it stands.
-        lobe_not_seen: whether it shapes lobes that are not there.
+        flat: whether it is near a lower bound where χ² is flat in it.
+        at_end: whether the samples do not tell it from a bound.
+        near_end: whether it lies at a bound, or has an interval by the profile of the likelihood.
+        undetermined: whether it takes part in a combination that the samples do not determine.
+        locked: whether it moves with another unknown that has no effect at its present value.
+        lobe_not_seen: whether all lobes that it shapes are not seen.
     """
 
     value: float
@@ -63,41 +63,41 @@ def _in_a_combination(unknown: Unknown) -> bool:
     return unknown.undetermined or unknown.locked
 
 
-def _of_no_lobe(unknown: Unknown) -> bool:
+def _of_a_lobe_not_seen(unknown: Unknown) -> bool:
     return unknown.lobe_not_seen
 
 
-def _as_if_drawn_from_its_domain(unknown: Unknown) -> bool:
+def _no_better_than_its_domain(unknown: Unknown) -> bool:
     return unknown.std > unknown.largest_std and not unknown.at_end
 
 
-def _anywhere(unknown: Unknown) -> bool:
+def _over_the_whole_domain(unknown: Unknown) -> bool:
     low, high = unknown.interval
-    return unknown.near_end and math.isfinite(unknown.width) and high - low > _ANYWHERE * unknown.width
+    return unknown.near_end and math.isfinite(unknown.width) and high - low > _WHOLE_DOMAIN * unknown.width
 
 
 def _at_end(unknown: Unknown) -> bool:
     return unknown.at_end
 
 
-# The first rule that holds gives the status of an unknown; if none does it is determined.
+# The first rule that holds gives the status of an unknown; if no rule holds, it is determined.
 RULES: tuple[tuple[Callable[[Unknown], bool], str], ...] = (
     (_flat, "at bound"),
     (_in_a_combination, "not determined"),
-    (_of_no_lobe, "not determined"),
-    (_as_if_drawn_from_its_domain, "not determined"),
-    (_anywhere, "not determined"),
+    (_of_a_lobe_not_seen, "not determined"),
+    (_no_better_than_its_domain, "not determined"),
+    (_over_the_whole_domain, "not determined"),
     (_at_end, "at bound"),
 )
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is reported of one unknown.
+    """The value of one unknown as it is reported.
 
     Attributes:
         value: None where it is not determined.
-        std: None there, and at a bound.
+        std: None where it is not determined or at a bound.
         interval: None where it is not determined.
         status: determined | at bound | not determined.
     """
@@ -109,7 +109,7 @@ class Verdict:
 
     @classmethod
     def of(cls, unknown: Unknown) -> Verdict:
-        """The verdict on an unknown, by the first of the rules that holds."""
+        """The verdict on an unknown, by the first rule that holds."""
         status = next((status for rule, status in RULES if rule(unknown)), "determined")
         if status == "not determined":
             return cls(None, None, None, status)
@@ -119,10 +119,10 @@ class Verdict:
         return cls(unknown.value, unknown.std if status == "determined" else None, [low, high], status)
 
 
-def verdicts(
+def verdicts_on(
     expansion: Expansion, bars: ErrorBars, lobes: LobesNotSeen, valleys: Valleys, intervals: Intervals
 ) -> list[Verdict]:
-    """What is reported of every unknown [P]."""
+    """The verdict on every unknown [P]."""
     problem = expansion.problem
     return [
         Verdict.of(_unknown(expansion, bars, lobes, valleys, intervals, name, position))
@@ -140,32 +140,25 @@ def _unknown(
     name: str,
     position: int,
 ) -> Unknown:
-    problem, place = expansion.problem, expansion.problem.where[name]
-    domain, declared = problem.domain(name), problem.declared(name)
+    domain = expansion.problem.domain(name)
     value = float(expansion.unknowns[position])
     flat = position in valleys.flat
     at_end = bool(bars.bound[position]) or flat
     covariance = bars.open if at_end else bars.covariance
     std = float(covariance.std[position])
     reach = quantile95(bars.covariance.degrees)
-    # Under an unknown light scale only a value in proportion to the others can be called large.
-    width = declared.domain.width if declared.periodic else domain.width
-    scale = float(expansion.unknowns[place].max()) if math.isinf(width) else width
-    largest = min(_KNOWS_NOTHING * scale, _FACTOR * value if declared.log else math.inf)
-    if expansion.prior[position] > 0:
-        # The domain is part of the error bar already.
-        largest = 1 / math.hypot(1 / largest, math.sqrt(expansion.prior[position]))
-    interval = max(domain.lower, value - reach * std), min(domain.upper, value + reach * std)
-    interval = intervals.ends.get(position, interval)
+    symmetric = max(domain.lower, value - reach * std), min(domain.upper, value + reach * std)
+    interval = intervals.ends.get(position, symmetric)
+    largest_std = _largest_std(expansion, name, position)
     if position in intervals.bent and position in intervals.ends:
         std = (interval[1] - interval[0]) / (2 * reach)
-        largest = min(largest, _FACTOR * abs(value))
+        largest_std = min(largest_std, _LARGEST_RELATIVE_STD * abs(value))
     return Unknown(
         value=value,
         std=std,
         interval=interval,
-        width=width,
-        largest_std=largest,
+        width=_width(expansion, name),
+        largest_std=largest_std,
         lower=domain.lower,
         flat=flat,
         at_end=at_end,
@@ -176,6 +169,25 @@ def _unknown(
     )
 
 
+def _width(expansion: Expansion, name: str) -> float:
+    """Width of the domain of an unknown: for a periodic one the period, as its search has no ends."""
+    declared = expansion.problem.declared(name)
+    return declared.domain.width if declared.periodic else expansion.problem.domain(name).width
+
+
+def _largest_std(expansion: Expansion, name: str, position: int) -> float:
+    """The standard error above which the samples say nothing of an unknown."""
+    problem, width = expansion.problem, _width(expansion, name)
+    value, prior = float(expansion.unknowns[position]), expansion.prior[position]
+    # Under an unknown light scale the domain has no end: the largest channel serves as its width.
+    scale = float(expansion.unknowns[problem.where[name]].max()) if math.isinf(width) else width
+    largest = min(_STD_OF_EVEN * scale, _LARGEST_RELATIVE_STD * value if problem.declared(name).log else math.inf)
+    if prior > 0:
+        # The error bar includes the domain already.
+        largest = 1 / math.hypot(1 / largest, math.sqrt(prior))
+    return largest
+
+
 def combined(channels: Sequence[Verdict], unit: str, doc: str) -> ParameterEstimate:
     """The estimate of a parameter from the verdicts on its channels: its status is the worst of theirs."""
     states = {verdict.status for verdict in channels}
@@ -183,10 +195,10 @@ def combined(channels: Sequence[Verdict], unit: str, doc: str) -> ParameterEstim
     if len(channels) == 1:
         return ParameterEstimate(channels[0].value, channels[0].std, channels[0].interval, unit, status, doc)
     return ParameterEstimate(
-        [verdict.value for verdict in channels],
-        [verdict.std for verdict in channels],
-        [verdict.interval for verdict in channels],
-        unit,
-        status,
-        doc,
+        value=[verdict.value for verdict in channels],
+        std=[verdict.std for verdict in channels],
+        interval95=[verdict.interval for verdict in channels],
+        unit=unit,
+        status=status,
+        doc=doc,
     )

@@ -1,4 +1,4 @@
-"""Valleys of χ² that a covariance says nothing true of: bent ones, locked ones, and bounds where χ² is flat."""
+"""Where χ² is far from quadratic: along bent valleys, beside unknowns without effect, and at some bounds."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from matest.inference.expansion import Expansion
 from matest.inference.lobes import LobesNotSeen
 from matest.inference.profiles import TWO_SIDED, Surroundings
 
-# Of an unknown without effect other values are tried, these shares of its domain away.
-_PLACES = (0.05, 0.15, 0.45)
-# What has to move by so many standard errors with it, for χ² to stay within its 95 % range, is no better known.
-_LOCKED = 3.0
-# A valley bends if χ² at the ends of its 95 % range is off by this factor.
-_BENDS = 2.0
-# Such an end is not looked at where the domain leaves less than this share of the way to it.
-_ROOM = 0.25
-# Along an unknown whose standard error is this share of its domain χ² is looked at too.
-_WIDE = 0.05
-# χ² may be flat at a lower bound of a parameter that lies within this share of its domain.
+# Values tried for an unknown without effect, as shares of the way to the far end of its domain: near, middle, far.
+_TRIAL_SHARES = (0.05, 0.15, 0.45)
+# Standard errors by which an unknown moves along while χ² stays within its 95 % range, for its error bar to be wrong.
+_LOCKED_SHIFT = 3.0
+# A valley bends if χ² at the ends of its 95 % range differs from the quadratic model by this factor.
+_BENT_FACTOR = 2.0
+# Such an end is ignored if the domain leaves less than this share of the way to it.
+_MIN_ROOM = 0.25
+# χ² is tried along an unknown too if its standard error exceeds this share of its domain.
+_WIDE_ERROR = 0.05
+# Share of its domain within which a parameter is near its lower bound.
 _NEAR_BOUND = 0.02
 
 Around = Callable[[], Surroundings]
@@ -33,13 +33,13 @@ Around = Callable[[], Surroundings]
 
 @dataclass(frozen=True)
 class Valleys:
-    """Unknowns, by position in u, of which standard errors say nothing true.
+    """Unknowns, by position in u, whose standard errors are wrong.
 
     Attributes:
-        flat: at a lower bound where the model is flat in them to first order: about how far inside the domain the truth
-            may lie.
-        bent: along a valley that bends within their standard errors.
-        locked: moving with one that the samples say nothing of where it stands.
+        flat: unknowns at a lower bound where χ² is flat in them to first order, each with the 95 % reach of the truth
+            inside the domain.
+        bent: unknowns along a valley that bends within their standard errors.
+        locked: unknowns that move with one that has no effect at its present value.
     """
 
     flat: Mapping[int, float] = field(default_factory=dict)
@@ -47,8 +47,8 @@ class Valleys:
     locked: frozenset[int] = frozenset()
 
 
-def valleys(solution: Solution, bars: ErrorBars, lobes: LobesNotSeen, around: Around) -> Valleys:
-    """The valleys about a solution; `around` gives the likelihood there."""
+def valleys_about(solution: Solution, bars: ErrorBars, lobes: LobesNotSeen, around: Around) -> Valleys:
+    """The valleys about a solution; `around` gives the likelihood about it."""
     expansion, flat = Expansion.of(solution), flat_at_bound(solution)
     return Valleys(
         flat=flat,
@@ -77,38 +77,38 @@ def flat_at_bound(solution: Solution) -> dict[int, float]:
         for position in range(place.start, place.stop):
             square = (float(solution.unknowns[position]) - domain.lower) ** 2
             spread = quantile95(math.inf) * 2 * epsilon * float(covariance.std[position])
-            # Zero lies inside the interval: the parameter sits at its bound for all that these samples tell.
+            # The interval contains the bound: these samples do not tell the parameter from it.
             if square < spread and not bool(covariance.undetermined[position]):
                 reach[position] = math.sqrt(square + spread)
     return reach
 
 
 def bent_valleys(expansion: Expansion, around: Around) -> frozenset[int]:
-    """Positions of unknowns whose error bars, correct to first order, are wrong: a valley bends within them.
+    """Positions of unknowns along a valley of χ² that bends within their error bars.
 
-    A metal's n and k are such: along a curve all give the same reflectance but for its rise towards grazing angles.
+    A metal's n and k are an example: along a curve they give the same reflectance, except for its rise towards grazing.
     """
     problem, covariance = expansion.problem, expansion.covariance
     width = problem.upper - problem.lower
     directions = [*weak_directions(expansion.precision)]
-    wide = (covariance.std > _WIDE * width) & torch.isfinite(width) & ~expansion.gauges
+    wide = (covariance.std > _WIDE_ERROR * width) & torch.isfinite(width) & ~expansion.gauges
     for position in wide.nonzero()[:, 0].tolist():
         directions.append(torch.eye(problem.size, dtype=torch.float64)[position])
     bent: set[int] = set()
     for direction in directions:
-        # Of a gauge the domain says more than χ².
+        # A gauge is not tried: its domain says more of it than χ² does.
         position = int((direction * ~expansion.gauges).argmax())
         value, std = float(expansion.unknowns[position]), float(covariance.std[position])
         reach, pull = quantile95(math.inf) * std, float(covariance.matrix[position] @ expansion.gradient)
-        for aim in (value - reach, value + reach):
-            place = min(max(aim, float(problem.lower[position])), float(problem.upper[position]))
-            # A bound is nearer than what error bars say: that is another matter.
-            step = place - value
-            if abs(step) < _ROOM * reach or std == 0:
+        for end in (value - reach, value + reach):
+            trial = min(max(end, float(problem.lower[position])), float(problem.upper[position]))
+            # A bound this near cuts the interval, which `profile_intervals` handles.
+            step = trial - value
+            if abs(step) < _MIN_ROOM * reach or std == 0:
                 continue
             # At a bound the data pull an unknown outward.
             expected = step * (step - 2 * pull) / std**2
-            if not expected / _BENDS < around().at(position, place).cost < expected * _BENDS:
+            if not expected / _BENT_FACTOR < around().at(position, trial).cost < expected * _BENT_FACTOR:
                 bent |= {*(direction > PARTICIPATES).nonzero()[:, 0].tolist()}
                 break
     return frozenset(bent)
@@ -121,26 +121,26 @@ def locked_unknowns(
     around: Around,
     flat: Collection[int] = (),
 ) -> frozenset[int]:
-    """Positions of unknowns whose error bars hold only for the value of one without effect there, to first order.
+    """Positions of unknowns whose error bars are right only for the present value of another unknown.
 
-    Of such a one the samples say nothing where it stands: of a conductor's k at 0, and n looks well known beside it.
-    One at a `flat` bound has an interval by its profile, which is wide enough for the others too; what a gauge may do
-    is part of all error bars.
+    That other one has no effect at its present value, to first order: a conductor's k at 0, beside which n looks well
+    known. Unknowns at a `flat` bound are left out because their profiles widen the intervals of the others, gauges
+    because their domains are part of all error bars.
     """
     problem = expansion.problem
     width, std = problem.upper - problem.lower, bars.covariance.std
-    blind = (expansion.information.diagonal() * width.square() < 1) & torch.isfinite(width)
-    blind &= ~expansion.gauges
-    blind[[*flat]] = False
+    without_effect = (expansion.information.diagonal() * width.square() < 1) & torch.isfinite(width)
+    without_effect &= ~expansion.gauges
+    without_effect[[*flat]] = False
     for name in lobes.shapes:
-        blind[problem.where[name]] = False
+        without_effect[problem.where[name]] = False
     locked: set[int] = set()
-    for position in blind.nonzero()[:, 0].tolist():
+    for position in without_effect.nonzero()[:, 0].tolist():
         value, low, high = (float(of[position]) for of in (expansion.unknowns, problem.lower, problem.upper))
         end = high if high - value > value - low else low
-        for place in (value + share * (end - value) for share in _PLACES):
-            there = around().at(position, place)
-            if there.cost < TWO_SIDED:
-                change = (there.refit.unknowns - expansion.unknowns).abs()
-                locked |= {*((change > _LOCKED * std) & (std > 0)).nonzero()[:, 0].tolist()} - {position}
+        for trial in (value + share * (end - value) for share in _TRIAL_SHARES):
+            rise = around().at(position, trial)
+            if rise.cost < TWO_SIDED:
+                change = (rise.refit.unknowns - expansion.unknowns).abs()
+                locked |= {*((change > _LOCKED_SHIFT * std) & (std > 0)).nonzero()[:, 0].tolist()} - {position}
     return frozenset(locked)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from matest.benchmark import baseline
-from matest.benchmark.baseline import Baseline, Figure, chosen
+from matest.benchmark.baseline import Baseline, Figure, figures_of
 from matest.benchmark.record import Record
 from matest.errors import InputError
 
@@ -45,7 +45,7 @@ def saved(path: Path, records: list[Record]) -> str:
 
 
 def test_tolerances_of_pooled_figures_are_their_own_statistical_errors() -> None:
-    tolerances = {figure.metric: figure.tolerance for figure in chosen(POOLED)}
+    tolerances = {figure.metric: figure.tolerance for figure in figures_of(POOLED)}
     # Errors may reach the end of their interval; of 60 intervals that all held, 5 % may fail.
     assert tolerances == pytest.approx(
         {"given": 0.05, "rms error": 0.2, "coverage": 0.2, "optimum missed": 0.0}, rel=1e-6
@@ -53,13 +53,13 @@ def test_tolerances_of_pooled_figures_are_their_own_statistical_errors() -> None
 
 
 def test_seconds_never_enter_and_ratios_count_as_cost() -> None:
-    found = list(chosen([*POOLED, *TIMES]))
+    found = list(figures_of([*POOLED, *TIMES]))
     assert [figure.metric for figure in found if figure.kind == "cost"] == ["fit / decode"]
     assert {figure.kind for figure in found if figure.suite == "efficiency"} == {"accuracy"}
 
 
 def test_a_figure_that_was_not_measured_does_not_enter() -> None:
-    assert list(chosen([Record("peers", "oren-nayar", "adam / matest", None, "1", "higher", 50)])) == []
+    assert list(figures_of([Record("peers", "oren-nayar", "adam / matest", None, "1", "higher", 50)])) == []
 
 
 @pytest.mark.parametrize(("better", "worst"), [("lower", 2.2), ("higher", 1.8)])
@@ -68,7 +68,7 @@ def test_the_worst_value_that_passes_lies_on_the_worse_side(better: str, worst: 
 
 
 def test_a_baseline_is_read_as_it_was_written(here: Path) -> None:
-    written = Baseline(quick=tuple(chosen(POOLED)), full=())
+    written = Baseline(quick=tuple(figures_of(POOLED)), full=())
     baseline.write(written)
     assert baseline.read() == written
     lines = (here / baseline.PATH).read_text("utf-8").splitlines()
@@ -114,7 +114,7 @@ def test_the_baseline_of_the_repository_holds_what_is_selected_and_no_seconds() 
     assert accurate == {"stress", "efficiency", "outliers", "peers", "frontier"}
     for figure in (*found.quick, *found.full):
         again = list(
-            chosen(
+            figures_of(
                 [
                     Record(figure.suite, figure.case, figure.metric, figure.value, "1", figure.better),
                     Record(figure.suite, figure.case, f"{figure.metric}, to", figure.value, "1"),

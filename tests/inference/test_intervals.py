@@ -23,7 +23,7 @@ def profiled(
     at: tuple[float, float],
     valleys: Valleys,
     *,
-    lost: tuple[int, ...] = (),
+    not_determined: tuple[int, ...] = (),
     lobes: LobesNotSeen = LobesNotSeen(),  # noqa: B008
 ) -> tuple[Intervals, ErrorBars]:
     """Of albedo and sigma with standard errors of 0.041 and 0.082, χ² exactly quadratic about `at`."""
@@ -37,7 +37,7 @@ def profiled(
 
     bars = error_bars(solution, source(6))
     around = lambda: Surroundings(solution, evaluate)  # noqa: E731
-    return profile_intervals(Expansion.of(solution), bars, lobes, valleys, around, lost), bars
+    return profile_intervals(Expansion.of(solution), bars, lobes, valleys, around, not_determined), bars
 
 
 def ends(of: Mapping[int, tuple[float, float]], position: int) -> list[float]:
@@ -64,10 +64,10 @@ def test_along_a_bent_valley_every_unknown_has_one() -> None:
 
 
 def test_what_is_lost_to_first_order_has_none_unless_its_valley_bends() -> None:
-    assert profiled((0.5, 0.1), Valleys(), lost=(1,))[0].ends == {}
+    assert profiled((0.5, 0.1), Valleys(), not_determined=(1,))[0].ends == {}
     bent = Valleys(bent=frozenset({1}))
-    assert {*profiled((0.5, 0.1), bent, lost=(1,))[0].ends} == {1}
-    assert profiled((0.5, 0.1), replace(bent, locked=frozenset({1})), lost=(1,))[0].ends == {}
+    assert {*profiled((0.5, 0.1), bent, not_determined=(1,))[0].ends} == {1}
+    assert profiled((0.5, 0.1), replace(bent, locked=frozenset({1})), not_determined=(1,))[0].ends == {}
 
 
 def test_the_interval_of_a_lobe_that_is_not_seen_begins_at_its_lower_bound() -> None:
