@@ -51,7 +51,12 @@ def fit(
         start: u [P] near the optimum; None: searched for globally.
         precision: a subsample is enough once it gives every parameter a relative standard error below this, if the
             model describes it: otherwise errors do not fall with the number of samples.
+
+    Raises:
+        ValueError: the problem has another number of channels than the samples.
     """
+    if problem.channels != samples.channels:
+        raise ValueError(f"the problem has {problem.channels} channels, the samples have {samples.channels}.")
     progress("searching")
     count = _FIRST_SUBSAMPLE if precision > 0 else _PILOT_SAMPLES
     solution = fit_batches(problem, samples.pilot(count, seed), start)

@@ -97,7 +97,12 @@ class Problem:
         """The problem in which the parameters `free` of a model are estimated.
 
         Several gauge parameters stand for one light scale: the first is the block, the others are tied to it.
+
+        Raises:
+            ValueError: a parameter of the model is neither free nor held nor tied.
         """
+        if missing := [name for name in brdf.declared if name not in {*free, *held, *ties}]:
+            raise ValueError(f"neither free nor held nor tied: {', '.join(missing)} of {brdf.expression}.")
         gauges = [name for name in free if brdf.declared[name].role is Role.GAUGE]
         ties = {**ties, **dict.fromkeys(gauges[1:], gauges[0])} if gauges else ties
         blocks = tuple(_parameter(brdf, name, relative) for name in free if name not in gauges[1:])
