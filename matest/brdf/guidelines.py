@@ -13,7 +13,7 @@ class Assembly:
     """A model with the components that a surface needs.
 
     Attributes:
-        model: with the others switched off.
+        model: with all other components switched off.
         reasons: why each component, and masking, is in the model or left out.
     """
 
@@ -30,7 +30,7 @@ def assemble(
     forward_scattering: bool = False,
     masked: bool | None = None,
 ) -> Assembly:
-    """The components that what is known of a surface asks for.
+    """The components that a surface with these properties needs.
 
     Args:
         metal: a conductor; otherwise a dielectric.
