@@ -47,17 +47,17 @@ def preset(name: str, f0: float | Sequence[float] | Tensor | None = None) -> Brd
     """
     if name not in PRESETS:
         raise InputError(f"unknown preset '{name}'; {nearest(name, PRESETS)}")
-    chosen = PRESETS[name]
-    if chosen.needs_f0:
+    entry = PRESETS[name]
+    if entry.needs_f0:
         if f0 is None:
             raise InputError(
                 f"preset '{name}' needs f0, the reflectance at normal incidence: the paper gives its weights and slope "
                 "but not its spectrum."
             )
-        return chosen.build(f0)
+        return entry.build(f0)
     if f0 is not None:
         raise InputError(f"preset '{name}' has a reflectance of its own; leave out f0.")
-    return chosen.build()
+    return entry.build()
 
 
 def _of(kind: type[Brdf], **values: Any) -> Brdf:
