@@ -92,9 +92,9 @@ def main(file: str) -> None:
     figures = expected(is_quick(records), SUITES, ("accuracy",))
     terminal = Console(highlight=False)
     for name in (FIRST, *SUITES):
-        chosen = [record for record in records if record.suite == name]
-        if chosen:
-            terminal.print(load(name).table(chosen))
+        of_suite = [record for record in records if record.suite == name]
+        if of_suite:
+            terminal.print(load(name).table(of_suite))
     failed = worse(figures, records)
     terminal.print(gate_table(figures, failed))
     if failed:

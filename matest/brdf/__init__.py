@@ -70,13 +70,13 @@ def model(expression: str) -> tuple[Brdf, dict[str, float]]:
 
 def variants() -> list[str]:
     """Expressions of every model of the catalogue, and of every choice of each of its options."""
-    chosen = [
+    with_option = [
         kind(**{key: choice}).expression
         for kind in MODELS.values()
         for key, choices in options_of(kind).items()
         for choice in choices
     ]
-    return list(dict.fromkeys([*MODELS, *chosen]))
+    return list(dict.fromkeys([*MODELS, *with_option]))
 
 
 __all__ = [

@@ -35,11 +35,12 @@ class Brdf:
 
     name: ClassVar[str]
     source: ClassVar[str]
-    excluded: ClassVar[
-        tuple[tuple[dict[str, str], str], ...]
-    ] = ()  # choices of options that do not go together, and why
-    quantities: ClassVar[tuple[Derived, ...]] = ()  # what follows from parameters and is worth a name
-    body: ClassVar[bool] = False  # a diffuse model: a `diffuse` part beside it would only compete with it
+    # Options that exclude each other, and why.
+    excluded: ClassVar[tuple[tuple[dict[str, str], str], ...]] = ()
+    # Functions of the parameters that an estimate reports.
+    quantities: ClassVar[tuple[Derived, ...]] = ()
+    # Whether this is a diffuse model: beside it no capture determines a `diffuse` part.
+    body: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         for name, choices in options_of(type(self)).items():
@@ -70,7 +71,7 @@ class Brdf:
 
     @property
     def derived(self) -> dict[str, Derived]:
-        """Quantities by name (in a sum: by path) that follow from its parameters under the options."""
+        """Functions of the parameters under the options, by name (in a sum: by path)."""
         options = dict(_options(self))
         return {quantity.name: quantity for quantity in self.quantities if met(quantity.when, options)}
 
@@ -81,12 +82,12 @@ class Brdf:
 
     @property
     def ordered(self) -> Brdf:
-        """The same reflectance by other values: lobes that can change places stand in their order."""
+        """The same reflectance with interchangeable lobes in a fixed order."""
         return self
 
     @property
     def structure(self) -> Structure:
-        """What depends on what: the factors of every term, the parameters that its shape depends on."""
+        """The factors of every term, and the parameters that its shape depends on."""
         kind: type = type(self)
         return _structure(kind, _options(self))
 
@@ -98,7 +99,7 @@ class Brdf:
             for f in dataclasses.fields(self)  # type: ignore[arg-type]
             if f.name in options_of(type(self)) and getattr(self, f.name) != f.default
         ]
-        # A gauge that is not 1 is another model: interreflection = 0 drops it.
+        # A gauge of 0 drops a term, which makes another model.
         for name, declared in self.declared.items():
             value = self.parameters[name]
             if declared.role is Role.GAUGE and value.ndim == 0 and not value.requires_grad and float(value) == 0:
@@ -123,10 +124,10 @@ class Brdf:
         values = self.parameters
         total: Tensor | float = 0.0
         for term in self.terms(directions):
-            # Factors first: one pass over the directions a term.
+            # Multiply the factors first, so that each term takes one pass over the directions.
             scale = math.prod((factor.value(values) for factor in term.factors), start=1.0)
             total = total + term.shape * scale
-        # Fitted polynomials dip below zero near double grazing; a reflectance cannot.
+        # The polynomials of some models are negative near double grazing; a reflectance is not.
         return torch.as_tensor(total).clamp(min=0)
 
     def __call__(self, wi: Tensor, wo: Tensor) -> Tensor:
@@ -202,7 +203,7 @@ class Sum(Brdf):
 
 
 def absent(brdf: Brdf, name: str) -> str | None:
-    """Why a model lacks a parameter that other options would give it; None if no option does."""
+    """A sentence on the options that a missing parameter needs; None if no options give it to the model."""
     for part in _components(brdf):
         declared = parameters_of(type(part)).get(name.rpartition(".")[2])
         if declared is not None and declared.when:
@@ -213,8 +214,8 @@ def absent(brdf: Brdf, name: str) -> str | None:
 
 @cache
 def _declared(kind: type, options: Options) -> dict[str, Parameter]:
-    found = {name: declared.under(dict(options)) for name, declared in parameters_of(kind).items()}
-    return {name: declared for name, declared in found.items() if declared is not None}
+    declarations = {name: declared.under(dict(options)) for name, declared in parameters_of(kind).items()}
+    return {name: declared for name, declared in declarations.items() if declared is not None}
 
 
 @cache
@@ -227,7 +228,7 @@ def _options(brdf: Brdf) -> Options:
 
 
 def _as_choice(value: Any) -> Any:
-    """Options are words; a number or a truth value is taken as the word for it."""
+    """The word for a number or a truth value: options are words."""
     if isinstance(value, bool):
         return str(value).lower()
     return str(value) if isinstance(value, int) else value

@@ -17,12 +17,12 @@ from matest.brdf.terms import Factor, Term, complement_of
 from matest.directions import Directions
 from matest.parameters import interval, option, parameter, unit_interval
 
-# Lobe = F Dn G / (divisor · cos θi cos θr), with Dn normalised; here as a multiple of the physical 1/4.
+# The lobe is F Dn G / (divisor · cos θi cos θr), with Dn normalised; here the factor 4/divisor.
 _NORMALISATION = {"physical": 1.0, "ngan": 4 / math.pi, "paper1982": 4.0}
 _DISTRIBUTION = {"beckmann": beckmann, "gaussian": gaussian, "ggx": ggx}
 _SMITH = {"beckmann": smith_beckmann, "ggx": smith_ggx}
 
-# Factors that weigh each of the lobes.
+# Factors of each lobe, by the option `lobes`.
 _SHARES: dict[str, list[tuple[str | Factor, ...]]] = {
     "1": [()],
     "2": [(complement_of("weight_2"),), ("weight_2",)],
@@ -149,7 +149,7 @@ class CookTorrance(Brdf):
         return self.replace({"slope": slope, "weight_2": rest, **values})
 
     def _lobes(self, directions: Directions) -> list[tuple[tuple[str | Factor, ...], Tensor]]:
-        """D G / (4 cos θi cos θr) of every lobe, and the factors that weigh it."""
+        """Factors and D G / (4 cos θi cos θr) of every lobe."""
         slopes = [self.slope, self.slope_2, self.slope_3][: int(self.lobes)]
         scale = _NORMALISATION[self.normalisation]
         shared = scale * v_cavity(directions) if self.masking == "v-cavity" else None
@@ -160,7 +160,7 @@ class CookTorrance(Brdf):
         return list(zip(_SHARES[self.lobes], lobes, strict=True))
 
     def _reflectances(self, directions: Directions) -> list[tuple[tuple[str | Factor, ...], Tensor]]:
-        """F, apart by factors where it is linear in f0."""
+        """F, as a sum of products of factors where it is linear in f0."""
         cos_d = directions.cos_d
         if self.fresnel == "dielectric":
             return [((), dielectric(cos_d, self.f0))]

@@ -18,7 +18,7 @@ def albedo(doc: str = "facet albedo ρ") -> Any:
 
 
 def diffuse() -> Any:
-    """The diffuse part of a model of highlights: it is left out beside a diffuse model."""
+    """Albedo of the diffuse part of a model of highlights: 0 beside a diffuse model."""
     return amplitude("albedo of the body", role=Role.BODY)
 
 
@@ -38,7 +38,7 @@ def slope(doc: str, default: float, **kind: Any) -> Any:
 
 
 def exponent() -> Any:
-    """n of the powers of a cosine."""
+    """Exponent n of a power of a cosine."""
     return parameter(interval(1, 1e4), unit="1", doc="exponent n", default=50.0, log=True)
 
 
@@ -57,7 +57,7 @@ def correlation_length(doc: str = "correlation length τ", default: float = 5.0,
 
 
 def wavelength(**kind: Any) -> Any:
-    """λ of every channel: green unless the capture says it."""
+    """λ of every channel: that of green light unless the capture says it."""
     domain = interval(0.2, 2)
     return parameter(domain, unit="µm", doc="wavelength λ", default=0.55, held=0.55, role=Role.WAVELENGTH, **kind)
 

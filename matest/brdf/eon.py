@@ -14,13 +14,14 @@ from matest.brdf.terms import Term
 from matest.directions import Directions
 from matest.parameters import parameter, unit_interval
 
+# c1 and c2 of the paper.
 _C1 = 0.5 - 2 / (3 * math.pi)
 _C2 = 2 / 3 - 28 / (15 * math.pi)
 
 
 @dataclass(frozen=True, eq=False)
 class Eon(Brdf):
-    """Fujii's single-scattering model with a roughness of its own, and the light it loses given back as a diffuse lobe.
+    """Fujii's single-scattering model with another roughness, and a diffuse lobe for the light that it loses.
 
     f = (ρ A/π) (1 + r s/t) + (ρms/π) A r (c1 − G(θi)/π) (c1 − G(θr)/π) / (c1 − c2),   A = 1/(1 + c1 r)
     ρms = ρ² Ē / (1 − ρ(1 − Ē)),   Ē = A (1 + c2 r),   c1 = 1/2 − 2/(3π),   c2 = 2/3 − 28/(15π)
@@ -46,13 +47,13 @@ class Eon(Brdf):
         average = a * (1 + _C2 * r)
         rho_ms = rho * rho * average / (1 - rho * (1 - average))
         single = rho * a * (1 + r * d.azimuthal)
-        lost_i, lost_o = (_C1 - _g(d.theta_i, d.sin_i, d.cos_i)), (_C1 - _g(d.theta_o, d.sin_o, d.cos_o))
-        multiple = rho_ms * a * r * (lost_i * lost_o / (_C1 - _C2))
+        loss_i, loss_o = (_C1 - _g(d.theta_i, d.sin_i, d.cos_i)), (_C1 - _g(d.theta_o, d.sin_o, d.cos_o))
+        multiple = rho_ms * a * r * (loss_i * loss_o / (_C1 - _C2))
         return (Term((), (single + multiple) / math.pi),)
 
 
 def _g(theta: Tensor, sin: Tensor, cos: Tensor) -> Tensor:
     """G/π at polar angle θ: at roughness r the single-scattering albedo is A (1 + r G/π)."""
-    first = theta - sin * cos
-    second = (2 / 3) * (cos * (1 + sin + sin * sin) / (1 + sin) - 1)
-    return sin * (first + second) / math.pi
+    segment = theta - sin * cos
+    rest = (2 / 3) * (cos * (1 + sin + sin * sin) / (1 + sin) - 1)
+    return sin * (segment + rest) / math.pi

@@ -9,7 +9,7 @@ from matest.brdf.base import Brdf
 from matest.errors import InputError, nearest
 from matest.parameters import options_of, parameters_of
 
-# A plus sign outside brackets: 1e+0 inside is a number.
+# A plus sign outside brackets; inside, it belongs to a number such as 1e+0.
 _PLUS = re.compile(r"\+(?![^(]*\))")
 _COMPONENT = re.compile(r"\s*([\w-]+)\s*(?:\(([^()]*)\))?\s*")
 
@@ -56,8 +56,8 @@ def _brackets(model: type[Brdf], text: str) -> tuple[dict[str, Any], dict[str, f
         elif key in parameters_of(model):
             fixed[key] = number(value, f"{model.name}: {key}")
         else:
-            known = [*options_of(model), *parameters_of(model)]
-            raise InputError(f"{model.name} has no option or parameter '{key}'; {nearest(key, known)}")
+            names = [*options_of(model), *parameters_of(model)]
+            raise InputError(f"{model.name} has no option or parameter '{key}'; {nearest(key, names)}")
     return options, fixed
 
 

@@ -14,7 +14,7 @@ import math
 import torch
 from torch import Tensor
 
-# (ms, mv) = (0, 0) is where the square root of their distance would have no derivative.
+# Squared distances below this are replaced by it: at ms = mv = 0 their square root has no derivative.
 _SQUARED_FLOOR = 1e-30
 
 
@@ -24,9 +24,9 @@ def direct(cos_t: Tensor, p: Tensor, q: Tensor) -> Tensor:
     min(PQ, P, Q) · 4 cos t is eq. 6 with its geometric attenuation factor: of shadow and mask, which both start at the
     bottom of the groove, the larger one counts (the print can be read otherwise; a traced groove decides).
     """
-    here = _attenuated(p.clamp(min=0), q.clamp(min=0))
+    facet = _attenuated(p.clamp(min=0), q.clamp(min=0))
     opposite = _attenuated((1 - p).clamp(min=0), (1 - q).clamp(min=0))
-    return 2 * cos_t * (here + opposite)
+    return 2 * cos_t * (facet + opposite)
 
 
 def interreflection(sin2_t: Tensor, cos_t: Tensor, p: Tensor, q: Tensor) -> Tensor:

@@ -13,7 +13,7 @@ class Assembly:
     """A model with the components that a surface needs.
 
     Attributes:
-        model: with the others switched off.
+        model: with all other components switched off.
         reasons: why each component, and masking, is in the model or left out.
     """
 
@@ -30,7 +30,7 @@ def assemble(
     forward_scattering: bool = False,
     masked: bool | None = None,
 ) -> Assembly:
-    """The components that what is known of a surface asks for.
+    """The components that a surface with these properties needs.
 
     Args:
         metal: a conductor; otherwise a dielectric.
@@ -44,7 +44,7 @@ def assemble(
     Source: Li & Torrance 2005, section 4.
     """
     masked = rough if masked is None else masked
-    chosen = {
+    components = {
         "coherent": (
             mirror_at_grazing and angular_variation,
             "A: a mirror image emerges at large angles of illumination",
@@ -71,7 +71,7 @@ def assemble(
             "no light leaves a metal that has entered it" if metal else "F: only on evidence from measurements",
         ),
     }
-    reasons = {name: present if needed else absent for name, (needed, present, absent) in chosen.items()}
+    reasons = {name: present if needed else absent for name, (needed, present, absent) in components.items()}
     reasons["masking"] = (
         "C: facets shadow and mask each other"
         if masked
@@ -82,5 +82,5 @@ def assemble(
     reasons["fresnel"] = (
         "D: nearly constant on a metal: give its f0, near 1" if metal else "D: necessary on a dielectric"
     )
-    switches: dict[str, Any] = {name: "on" if needed else "off" for name, (needed, _, _) in chosen.items()}
+    switches: dict[str, Any] = {name: "on" if needed else "off" for name, (needed, _, _) in components.items()}
     return Assembly(LiTorrance(masking="on" if masked else "off", **switches), reasons)

@@ -17,24 +17,30 @@ from matest.brdf.terms import Term, complement_of
 from matest.directions import Directions
 from matest.parameters import option
 
-# Terms of the series kept, and pairs worked on at once.
-_TERMS, _TILE = 256, 256
-_COS_FLOOR, _COT_LIMIT = 1e-4, 26.0
+# Terms of the series that are summed: for g up to about 50 all that matter, above that evenly spaced ones.
+_TERMS = 256
+# Pairs of directions evaluated at once, which bounds the memory to 256 × 256 numbers an array.
+_TILE = 256
+# Cosines below this are replaced by it: the quotients by cosines stay finite.
+_COS_FLOOR = 1e-4
+# τ cot θ/(2σ0) above this is replaced by it: erfc and exp(−q²) underflow in double precision beyond about 26.
+_COT_LIMIT = 26.0
 
 
 @dataclass(frozen=True, eq=False)
 class HeTorrance(Brdf):
-    """Kirchhoff scattering by a surface of Gaussian heights, and what is scattered evenly.
+    """Kirchhoff scattering by a surface of Gaussian heights, and an even diffuse part.
 
     f = k_dd F S G D/(π cos θi cos θr) + k_ud/π,   G = ((L+V)²/(cos θi + cos θr))²
     D = (π²τ²/4λ²) Σ g^m e^(−g)/(m! m) exp(−vxy² τ²/(4m)),   vxy = (2π/λ)|(L+V)xy|,   g = ((2π σ/λ)(cos θi + cos θr))²
 
     `height_rms` σ0, `correlation_length` τ, `wavelength` λ in µm; S and the effective σ are Smith's exact functions.
-    F is Schlick's with `f0`, as in `LiTorrance`: what differs between the two is the surface. With `coherent=on` the
+    F is Schlick's with `f0`, as in `LiTorrance`, so the two models differ in the surface alone. With `coherent=on` the
     mirror-like part k_dd F S e^(−g) from a source of `solid_angle` (sr), as in `Coherent`. Shapes as `Brdf`.
 
-    The series is summed in double precision over the 256 terms around its largest; where more matter, they are smooth
-    and every few stand for all. A thousand times the cost of `LiTorrance`: for comparison, not for rendering.
+    The series is summed in double precision over the 256 terms around its largest; where more terms matter they are
+    smooth, and evenly spaced ones represent all. A thousand times the cost of `LiTorrance`: for comparison, not for
+    rendering.
 
     Source: He, Torrance, Sillion & Greenberg 1991, with the e^(−q²) that the print leaves out of S. Limits: for g ≫ 1
     D is Li and Torrance's; coherent and diffuse light together are 1 at normal incidence and F = 1.
@@ -89,20 +95,20 @@ def series(g: Tensor, across2: Tensor) -> Tensor:
 
 
 def _series(g: Tensor, b: Tensor) -> Tensor:
-    # The largest term stands where log(g/m) + b/m² = 0; the others fall off like a Gaussian of variance m or g.
+    # The term is largest at log(g/m) + b/m² = 0; the others fall off like a Gaussian of variance m or g.
     with torch.no_grad():
         peak = g * torch.exp(0.5 * lambert_w(2 * b / g.square()))
-        first = (g - 12 * g.sqrt() - 20).floor().clamp(min=1)
-        last = peak + 12 * peak.sqrt() + 60
-        step = ((last - first) / (_TERMS - 1)).clamp(min=1)
-    m = first + step * torch.arange(_TERMS, dtype=g.dtype, device=g.device)
+        lowest = (g - 12 * g.sqrt() - 20).floor().clamp(min=1)
+        highest = peak + 12 * peak.sqrt() + 60
+        step = ((highest - lowest) / (_TERMS - 1)).clamp(min=1)
+    m = lowest + step * torch.arange(_TERMS, dtype=g.dtype, device=g.device)
     # log m! + log m = log Γ(m+1) + log m
     exponent = m * g.log() - g - torch.lgamma(m + 1) - m.log() - b / m
     return (torch.exp(exponent) * step).sum(-1)
 
 
 def lambert_w(x: Tensor) -> Tensor:
-    """W with W e^W = x for x ≥ 0: Halley's iteration from a start good everywhere."""
+    """Lambert's W with W e^W = x for x ≥ 0, by five steps of Halley's iteration."""
     w = torch.log1p(x) * (1 - torch.log1p(torch.log1p(x)) / (2 + torch.log1p(x)))
     for _ in range(5):
         exp = torch.exp(w)

@@ -139,8 +139,8 @@ class LiTorrance(RoughSurface):
 
     f = `Coherent` + `DirectionalDiffuse` + `FirstSurfaceDiffuse` + `SubsurfaceDiffuse` + `ForwardScattering`
 
-    A component that is off costs nothing and has no parameters; `assemble` says which a surface needs. Parameters are
-    those of the components (`k_dd` scales two of them), shapes as `Brdf`.
+    A component that is off costs nothing and has no parameters; `assemble` says which components a surface needs.
+    Parameters are those of the components (`k_dd` scales two of them), shapes as `Brdf`.
 
     The directional-diffuse lobe already carries all the energy of the rough limit, so that with the coherent component
     more light may leave than arrives; `energy=he` multiplies it by 1 − e^(−g), as in He and Torrance's model.
@@ -206,7 +206,7 @@ def _directional(lobe: Tensor, directions: Directions) -> tuple[Term, ...]:
 
 
 def _transmitted(directions: Directions) -> Tensor:
-    """T(θi) T(θr)/(π (1 − f0)²): Schlick's transmittances of the mean surface, their normal value apart."""
+    """T(θi) T(θr)/(π (1 − f0)²): Schlick's transmittances of the mean surface over their value at normal incidence."""
     return _entered(directions.cos_i) * _entered(directions.cos_o) / math.pi
 
 
@@ -227,13 +227,13 @@ def _forward(roughness: Roughness, directions: Directions, entered: Tensor, law:
     exponent = _tan2(ahead, d.crosswise, d.sin_i, d.cos_o) * _inverse(roughness, d, 0)
     if law == "reciprocal":
         exponent = 0.5 * (exponent + _tan2(ahead, d.crosswise, d.sin_o, d.cos_i) * _inverse(roughness, d, 1))
-    # All derivatives vanish where the lobe ends.
+    # `sign` cuts the lobe where all its derivatives vanish.
     lobe = decay(exponent) * torch.sign(ahead) * (1 - d.cos_i) * (1 - d.cos_o) * entered
     return Term(("k_fs", complement_of("f0"), complement_of("f0")), lobe)
 
 
 def _tan2(ahead: Tensor, crosswise: Tensor, sin_i: Tensor, cos_o: Tensor) -> Tensor:
-    """tan²θf for light at `sin_i` and viewer at `cos_o`, its sine a sum of squares: no digits are lost at θf = 0."""
+    """tan²θf for light at `sin_i` and viewer at `cos_o`, with sin²θf as a sum of squares: no cancellation."""
     sin2 = cos_o.square() + (crosswise / sin_i).square()
     return sin2 / (ahead / sin_i).square().clamp(min=1e-6)
 
@@ -255,9 +255,9 @@ def _coherent_share(roughness: Roughness, directions: Directions, ratio: Tensor)
 
 def _coherent(roughness: Roughness, directions: Directions, share: Tensor, solid_angle: Tensor) -> tuple[Term, ...]:
     d = directions
-    # S from S/(4 cos θi cos θr).
-    unmasked = roughness.masked * 4 * d.cos_i * d.cos_o
-    lobe = unmasked * share * mirror_kernel(d, solid_angle) * 2 / (d.cos_i + d.cos_o).clamp(min=1e-4)
+    # `masked` is S/(4 cos θi cos θr).
+    masking = roughness.masked * 4 * d.cos_i * d.cos_o
+    lobe = masking * share * mirror_kernel(d, solid_angle) * 2 / (d.cos_i + d.cos_o).clamp(min=1e-4)
     return Term(("k_dd", "f0"), lobe), Term(("k_dd", complement_of("f0")), lobe * schlick_weight(d.short_d))
 
 

@@ -12,19 +12,23 @@ from torch import Tensor
 
 from matest.directions import Directions
 
+# Rms slopes below this are replaced by it: the distributions divide by the slope.
 _SLOPE_FLOOR = 1e-3
+# Products of cosines below this are replaced by it: the quotients by them stay finite.
 _COS_PRODUCT_FLOOR = 1e-12
 # G1 differs from 1 by less than float64 rounding beyond this argument.
 _SMITH_LIMIT = 6.5
 # exp(−x²) is below float64 rounding beyond this argument.
 _GAUSSIAN_LIMIT = 6.5
+# Degree of the Chebyshev series of the constant of `gaussian`: its error is 3e-13.
 _GAUSSIAN_DEGREE = 40
 
 
 def decay(exponent: Tensor) -> Tensor:
-    """exp(−x) for x ≥ 0, with zero derivative where it is below the smallest normal number, and no smaller there.
+    """exp(−x) for x ≥ 0, but at least the smallest normal number; its derivative is zero where this limit acts.
 
-    Below it torch's exponential takes ten to thirty times as long, and most pairs of directions lie far outside a lobe.
+    For smaller results torch's exponential takes ten to thirty times as long, and most pairs of directions lie far
+    outside a lobe.
     """
     return torch.exp(-exponent.clamp(max=_decay_limit(exponent.dtype)))
 
@@ -41,7 +45,7 @@ def beckmann(directions: Directions, slope: Tensor) -> Tensor:
     Source: Cook & Torrance 1982, D divided by π (their D integrates to π).
     """
     m2 = slope.clamp(min=_SLOPE_FLOOR).square()
-    # Outside the lobe 1/cos⁴α ends with the exponential: no infinite factor may meet its vanishing derivatives.
+    # Limit 1/cos⁴α where the exponential vanishes: 0 times infinity would make derivatives NaN.
     tan2 = torch.minimum(directions.tan2_half, _decay_limit(m2.dtype) * m2)
     return torch.exp(-tan2 / m2) * (1 + tan2).square() / (math.pi * m2)
 
@@ -72,11 +76,12 @@ def gaussian(directions: Directions, slope: Tensor) -> Tensor:
 def gaussian_constant(slope: Tensor) -> Tensor:
     """c of `gaussian` for m in (0, 1]: π m² c is smooth in m, here a Chebyshev series of it, exact to 3e-13."""
     x = 2 * slope - 1
-    later, last = torch.zeros_like(x), torch.zeros_like(x)
-    first, *rest = _gaussian_series()
-    for coefficient in reversed(rest):
-        later, last = last, 2 * x * last - later + coefficient
-    return (x * last - later + first) / (math.pi * slope.square())
+    # Clenshaw's recurrence: b_k = 2x b_(k+1) − b_(k+2) + c_k.
+    b_1, b_2 = torch.zeros_like(x), torch.zeros_like(x)
+    c_0, *others = _gaussian_series()
+    for coefficient in reversed(others):
+        b_1, b_2 = 2 * x * b_1 - b_2 + coefficient, b_1
+    return (x * b_1 - b_2 + c_0) / (math.pi * slope.square())
 
 
 @cache
@@ -114,7 +119,7 @@ def v_cavity(directions: Directions) -> Tensor:
     """
     cos_i, cos_o = directions.cos_i, directions.cos_o
     unmasked = 0.25 / (cos_i * cos_o).clamp(min=_COS_PRODUCT_FLOOR)
-    # One quotient after the other: their derivatives stay within the range of float32.
+    # Divide twice: the derivatives of a single quotient would leave the range of float32.
     masked = (cos_i + cos_o) / torch.maximum(cos_i, cos_o).clamp(min=1e-6) / directions.half_squared
     return torch.minimum(unmasked, masked)
 
@@ -148,7 +153,7 @@ def smith_ggx(directions: Directions, width: Tensor) -> Tensor:
 
 
 def _g1_over_cos(cos: Tensor, sin: Tensor, slope: Tensor) -> Tensor:
-    # a / cos θ = 1/(m sin θ), held at the limit beyond which G1 = 1.
+    # a / cos θ = 1/(m sin θ), limited to where G1 reaches 1.
     spread = torch.maximum(slope * sin, cos / _SMITH_LIMIT)
     a = cos / spread
     root = math.sqrt(math.pi)

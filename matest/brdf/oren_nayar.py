@@ -14,7 +14,7 @@ from matest.brdf.base import Brdf
 from matest.brdf.terms import Term, mixture
 from matest.directions import Directions
 
-# Cosines below this count as this in quotients: the model is unbounded at double grazing (cos θi · f is not).
+# Cosines below this are replaced by it in quotients: f is unbounded at double grazing, while cos θi · f is bounded.
 _COS_FLOOR = 1e-6
 
 
@@ -33,7 +33,7 @@ class OrenNayar(Brdf):
     twice.
 
     Source: Oren & Nayar 1994, eq. 14-16. Limits: σ = 0 is Lambert exactly. The direct part of the fit turns negative
-    near forward double grazing for σ > 38°; values are cut at zero there. Albedo exceeds 1 by up to 5.1 % at grazing
+    near forward double grazing for σ > 38°; negative values are set to zero. Albedo exceeds 1 by up to 5.1 % at grazing
     incidence when ρ > 0.95 and σ is 1.5° to 35°. Two bounces only, so ρ = 1 is not a white surface.
     """
 

@@ -18,12 +18,13 @@ from matest.brdf.terms import Term, mixture
 from matest.directions import Directions
 from matest.parameters import option
 
-# Slopes × orientations of grooves: for direct light, and for the second bounce, which is smoother and costs more.
+# Slopes × orientations of grooves, for direct light and for the second bounce, which is smoother and costs more.
 _NODES = {"16x16": ((16, 16), (12, 12)), "24x32": ((24, 32), (16, 16)), "48x64": ((48, 64), (24, 32))}
 # Slope nodes are π/2 · u^1.5 with u those of Gauss and Legendre: dense enough near 0 for σ of a degree.
 _CROWDING = 1.5
+# σ below this, in radians, is replaced by it: the weights of the nodes divide by σ.
 _SIGMA_FLOOR = 1e-3
-# Values worked on at once: as many as stay in the cache of one core.
+# Values evaluated at once: as many as fit into the cache of one core.
 _TILE = 1 << 15
 
 Groove = Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
@@ -31,7 +32,7 @@ Groove = Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
 
 @dataclass(frozen=True, eq=False)
 class OrenNayarExact(Brdf):
-    """Lambertian V-cavities of every slope and orientation, in numbers instead of a fit.
+    """Lambertian V-cavities of every slope and orientation, by numerical integration.
 
     f = ∫ P(t) (1/2π) ∫ (Lrp¹ + Lrp²)/(E0 cos θi) dψ sin t dt,   P(t) ∝ exp(−t²/(2σ²)) on [0, π/2]
 
@@ -117,5 +118,5 @@ def _slopes(count: int) -> tuple[Tensor, Tensor]:
     return t, (t.sin() * w * u ** (_CROWDING - 1)).log()
 
 
-# Arrays, not tensors: a tensor made in inference mode could not be differentiated later.
+# Cache arrays, not tensors: a tensor from inference mode cannot take part in a later differentiation.
 _legendre = lru_cache(maxsize=8)(roots_legendre)

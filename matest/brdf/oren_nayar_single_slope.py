@@ -14,7 +14,7 @@ from matest.brdf.terms import Term
 from matest.directions import Directions
 from matest.parameters import interval, option, parameter
 
-# Orientations in the mean over azimuth.
+# Number of orientations in the mean over azimuth.
 _ORIENTATIONS = 64
 
 

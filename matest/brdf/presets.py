@@ -23,9 +23,9 @@ class Preset(NamedTuple):
 
     Attributes:
         doc: what it is.
-        source: where its parameters stand.
+        source: of its parameters.
         build: makes the model; takes the reflectance at normal incidence where the paper does not give it.
-        needs_f0: whether it takes that.
+        needs_f0: whether `build` takes that reflectance.
     """
 
     doc: str
@@ -43,21 +43,21 @@ def preset(name: str, f0: float | Sequence[float] | Tensor | None = None) -> Brd
             Table I, whose spectra are not published with it, and for no other preset.
 
     Raises:
-        InputError: an unknown name, `f0` missing or not wanted, a metal whose optical constants are not installed.
+        InputError: an unknown name, `f0` missing or given in vain, a metal whose optical constants are not installed.
     """
     if name not in PRESETS:
         raise InputError(f"unknown preset '{name}'; {nearest(name, PRESETS)}")
-    chosen = PRESETS[name]
-    if chosen.needs_f0:
+    entry = PRESETS[name]
+    if entry.needs_f0:
         if f0 is None:
             raise InputError(
                 f"preset '{name}' needs f0, the reflectance at normal incidence: the paper gives its weights and slope "
                 "but not its spectrum."
             )
-        return chosen.build(f0)
+        return entry.build(f0)
     if f0 is not None:
         raise InputError(f"preset '{name}' has a reflectance of its own; leave out f0.")
-    return chosen.build()
+    return entry.build()
 
 
 def _of(kind: type[Brdf], **values: Any) -> Brdf:
@@ -116,7 +116,7 @@ def _of_index(n: float) -> float:
 _ON94 = "Oren & Nayar 1994, "
 _CT82 = "Cook & Torrance 1982, "
 _LT05 = "Li & Torrance 2005, "
-# The tables give no reflectance of the aluminium films; that of aluminium.
+# Reflectance of aluminium: the tables give none for its films.
 _ALUMINIUM = 0.92
 
 PRESETS: dict[str, Preset] = {

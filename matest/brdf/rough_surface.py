@@ -1,4 +1,4 @@
-"""What Li and Torrance's components share: a rough surface with Gaussian heights and Gaussian autocorrelation."""
+"""The rough surface of Li and Torrance's components: Gaussian heights with Gaussian autocorrelation."""
 
 from __future__ import annotations
 
@@ -17,17 +17,20 @@ from matest.directions import Directions
 from matest.errors import InputError
 from matest.parameters import Derived, Role, option
 
-_ISOTROPIC, _ANISOTROPIC = {"anisotropy": ("none",)}, {"anisotropy": ("printed", "corrected")}
-# Cosines below this count as this: at grazing the roughness of eq. 8 ends.
+_ISOTROPIC = {"anisotropy": ("none",)}
+_ANISOTROPIC = {"anisotropy": ("printed", "corrected")}
+# Cosines below this are replaced by it: at grazing the roughness of eq. 8 vanishes.
 _COS_FLOOR = 1e-4
-# Above this they do in the logarithm of 1 − cos θ: it stays finite in float32.
+# Cosines above this are replaced by it in log(1 − cos θ), which stays finite in float32.
 _COS_CEILING = 1 - 2**-24
-# Exponents τ/σ are kept here: smoother surfaces have no masking, and none is this jagged.
+# Range of the exponents τ/σ: no surface is rougher than the lower end; above the upper end there is no masking.
 _EXPONENTS = (0.1, 1e3)
+# Logarithm of the smallest effective roughness σe/σ.
+_LOG_LIMIT = math.log(1e-4)
 
 
 def _slope_ratio(name: str, length: str, when: Mapping[str, tuple[str, ...]]) -> Derived:
-    """σ/τ, all that directions see of both lengths."""
+    """σ/τ: incoherent reflection depends on the two lengths through this ratio alone."""
     return Derived(
         name,
         unit="1",
@@ -88,13 +91,9 @@ class RoughSurface(Brdf):
         return Roughness(slopes[0], slopes[-1], masked, effective)
 
 
-# Effective roughness is at least this share of σ.
-_LOG_LIMIT = math.log(1e-4)
-
-
 def _masking(cos_i: Tensor, cos_o: Tensor, k_i: Tensor, k_o: Tensor) -> tuple[Tensor, Tensor]:
     """S/(4 cos θi cos θr) and σe/σ (eq. 6, 8) for k = τ/σ along the azimuths of both directions."""
-    # k log(1 − cos θ). Differences from 1 come in pairs: their signs cancel.
+    # x = k log(1 − cos θ). Both factors 1 − eˣ are formed as −expm1(x); the two signs cancel.
     x_i = k_i * torch.log1p(-cos_i.clamp(max=_COS_CEILING))
     x_o = k_o * torch.log1p(-cos_o.clamp(max=_COS_CEILING))
     masked = 0.25 * (torch.expm1(x_i) * torch.expm1(x_o)) / (cos_i * cos_o)

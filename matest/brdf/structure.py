@@ -1,7 +1,7 @@
-"""What depends on what in a model, from the connections of its graph in autograd.
+"""Which term of a model depends on which parameter, from the connections of its graph in autograd.
 
-A parameter is connected to a shape whatever their values: a lobe that vanishes at the directions of the probe, and a
-parameter that is clamped there, are connected all the same.
+The connections do not depend on values: a lobe that vanishes at the directions of the probe is connected to its
+parameters, and so is a parameter that is clamped there.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from matest.directions import Directions
 if TYPE_CHECKING:
     from matest.brdf.base import Brdf
 
-# Any pair of directions off the normal and off each other serves: what is asked is not a value.
+# Directions of the probe. Any pair away from the normal and from each other serves, as no value is read.
 _LIGHT = (0.48, 0.36, 0.8)
 _VIEWER = (-0.48, 0.6, 0.64)
 
 
 @dataclass(frozen=True)
 class TermStructure:
-    """What a term is made of.
+    """The dependence of one term on the parameters.
 
     Attributes:
         factors: parameters, and complements of parameters, that multiply its shape.
         shape_parameters: parameters that its shape depends on.
-        column_parameters: those of them that its columns depend on, and not only the weights of the columns.
-        columns: their number; 1 where the term is no mixture, and its shape the column.
+        column_parameters: shape parameters that its columns depend on, and not only the weights of the columns.
+        columns: number of columns; 1 where the term is no mixture and its shape is the column.
         anisotropic: whether its shape changes when light and viewer turn together about the normal.
     """
 
@@ -59,12 +59,12 @@ class TermStructure:
 
 @dataclass(frozen=True)
 class Structure:
-    """What depends on what in a model, whatever the values of its parameters.
+    """The dependence of all terms of a model on its parameters, whatever their values.
 
     Attributes:
         terms: of the model, in its order.
-        coloured: parameters of which an estimate gives every channel its own value.
-        derived: of every derived quantity, the parameters that it depends on, in order of declaration.
+        coloured: parameters that an estimate gives one value per channel.
+        derived: the parameters that each derived quantity depends on, in order of declaration.
     """
 
     terms: tuple[TermStructure, ...]
@@ -88,7 +88,7 @@ class Structure:
 
     @cached_property
     def scales(self) -> frozenset[str]:
-        """Amplitudes that can carry an unknown scale of the light: 1 − x of them is used nowhere."""
+        """Amplitudes that can carry an unknown scale of the light: no term uses their complement."""
         factors = {factor for product in self.products for factor in product}
         return frozenset(
             name for name in self.coloured if Factor(name) in factors and complement_of(name) not in factors
@@ -151,14 +151,14 @@ def _term_structure(term: Term, leaves: Mapping[str, Tensor], angle: Tensor) -> 
 
 
 class _Turned(Directions):
-    """A pair of directions turned about the normal: what that changes depends on the angle, the rest does not."""
+    """A pair of directions turned about the normal: only quantities that the turn changes depend on the angle."""
 
     def __init__(self, angle: Tensor) -> None:
         wi, wo = (torch.tensor([vector], dtype=torch.float64) for vector in (_LIGHT, _VIEWER))
         super().__init__(wi, wo)
         cos, sin, zero, one = angle.cos(), angle.sin(), torch.zeros_like(angle), torch.ones_like(angle)
         turn = torch.stack([cos, -sin, zero, sin, cos, zero, zero, zero, one]).reshape(3, 3)
-        self._still = Directions(wi, wo)
+        self._at_rest = Directions(wi, wo)
         self._moved = Directions(wi @ turn.T, wo @ turn.T)
 
     @cached_property
@@ -174,5 +174,5 @@ class _Turned(Directions):
 
     @cached_property
     def tan2_half(self) -> Tensor:
-        # Of both slopes, but not of the azimuth.
-        return self._still.tan2_half
+        # It is computed from both slopes, but a turn does not change it.
+        return self._at_rest.tan2_half

@@ -1,4 +1,4 @@
-"""Summands of a reflectance model: amplitudes times a shape of the directions and the remaining parameters."""
+"""Terms of a reflectance model: amplitudes times a shape, a function of the directions and the other parameters."""
 
 from __future__ import annotations
 
@@ -40,17 +40,16 @@ def complement_of(name: str) -> Factor:
 class Term:
     """One summand of a model: the product of its `factors` times its `shape`.
 
-    What a factor stands for multiplies shapes only, so that an estimator can eliminate these amplitudes: a model is a
-    polynomial in its factors.
+    A model is a polynomial in its factors. They multiply shapes only, so an estimator can eliminate these amplitudes.
 
     Where directions and parameters separate, `shape` = Σq weights_q · columns_q (see `mixture`). An estimator then
-    walks over the samples once, whatever the number of parameter values that it tries.
+    reads the samples once, however many parameter values it tries.
 
     Args:
         factors: parameters by name, and complements.
-        shape: [..., 1 or C] in 1/sr, of the directions and of the parameters that are no factors.
-        columns: [..., Q], of the directions alone.
-        weights: of the columns [Q], or [..., 1 or C, Q], of the parameters alone.
+        shape: [..., 1 or C] in 1/sr, depends on the directions and on the parameters that are no factors.
+        columns: [..., Q], depend on the directions alone.
+        weights: of the columns, [Q] or [..., 1 or C, Q], depend on the parameters alone.
     """
 
     def __init__(

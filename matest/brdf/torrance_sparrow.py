@@ -13,6 +13,7 @@ from matest.brdf.microfacet import decay, v_cavity
 from matest.brdf.terms import Term
 from matest.directions import Directions
 
+# σ below this, in radians, is replaced by it: the exponent divides by σ².
 _SIGMA_FLOOR = 1e-3
 
 

@@ -54,11 +54,11 @@ def skipped(
         "idle": len(account.redundancy.images) * account.pixels,
         "held_out": held_out * account.pixels,
     }
-    tried = {part: None for candidate in candidates for part in candidate.model.split("+")}
-    lobes = [part for part in tried if not MODELS[part].body]
-    taken = {*solution.problem.brdf.expression.split("+")}
+    candidate_parts = {part: None for candidate in candidates for part in candidate.model.split("+")}
+    lobes = [part for part in candidate_parts if not MODELS[part].body]
+    model_parts = {*solution.problem.brdf.expression.split("+")}
     # Where the model has a lobe, the other lobes were alternatives to it, not parts that it does without.
-    components = [] if taken & {*lobes} else lobes
+    components = [] if model_parts & {*lobes} else lobes
     work = [note for rule in WORK_SAVED for note in rule(fit_pass)]
     return {"components": components, "samples": {**account.skipped, **counts}, "work": work}
 
