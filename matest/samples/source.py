@@ -18,8 +18,8 @@ from matest.samples.tiles import Tiles
 class Samples(Protocol):
     """Samples of one material: photographs of an object, a measured table, another model.
 
-    Numbers of batches are float32 or float64, as the source has them; sums over them are made in float64. Samples of one
-    group follow one another within a batch: its label comes in one run.
+    Numbers of batches are float32 or float64, as the source has them; sums over them are made in float64. Samples of
+    one group follow one another within a batch: its label comes in one run.
 
     Attributes:
         channels: C of the radiance.
