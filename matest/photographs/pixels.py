@@ -86,8 +86,8 @@ class LitPixels:
             self.photographs.release(image)
             return np.packbits(usable), int(dark.sum()), 0 if saturated is None else int((usable & saturated).sum())
 
-        columns = zip(*in_threads(select, self.images), strict=True)
-        usable_bits, dark, saturated = (list(column) for column in columns)
+        selected = list(in_threads(select, self.images))
+        usable_bits, dark, saturated = ([one[column] for one in selected] for column in range(3))
         skipped = {
             "background": background * len(self.images),
             "shadowed": sum(dark),

@@ -14,9 +14,9 @@ MODELS = ("lambert", "oren-nayar", "cook-torrance", "li-torrance")
 
 @pytest.mark.parametrize("expression", MODELS)
 def test_the_same_seed_draws_the_same_pixels(expression: str) -> None:
-    one, other = (draw(expression, 3).photograph() for _ in range(2))
+    one, other = (draw(expression, 3).photograph().photographs for _ in range(2))
     assert all(np.array_equal(a, b) for a, b in zip(one.stored, other.stored, strict=True))
-    another = draw(expression, 4).photograph()
+    another = draw(expression, 4).photograph().photographs
     assert len(another) != len(one) or not np.array_equal(another.stored[0], one.stored[0])
 
 
@@ -30,47 +30,47 @@ def test_draws_differ_in_object_lights_and_channels() -> None:
 
 def test_clean_photographs_scatter_about_the_truth_as_their_noise_says() -> None:
     drawn = draw("cook-torrance", 1)
-    capture = drawn.photograph()
-    assert capture.stored[0].dtype == np.uint16
+    photographs = drawn.photograph().photographs
+    assert photographs.stored[0].dtype == np.uint16
     scale = drawn.scale
     for image, truth in enumerate(drawn.radiance):
         signal = truth / scale
-        spread = np.sqrt(capture.noise.read**2 + capture.noise.gain * signal)
+        spread = np.sqrt(photographs.noise.read**2 + photographs.noise.gain * signal)
         # Where noise is not cut off at black.
         seen = signal + drawn.sensor.black > 5 * spread
         assert seen.sum() > 300
-        misfit = ((capture.radiance(image) / scale - signal) / spread)[seen]
+        misfit = ((photographs.radiance(image) / scale - signal) / spread)[seen]
         assert abs(misfit.mean()) < 4 / np.sqrt(misfit.size)
         assert misfit.std() == pytest.approx(1, abs=4 / np.sqrt(2 * misfit.size))
-    assert not any(capture.encoding.saturated(pixels).any() for pixels in capture.stored)
+    assert not any(photographs.encoding.saturated(pixels).any() for pixels in photographs.stored)
 
 
 def test_spoilt_photographs_have_the_stated_shares_of_outliers_and_saturated_pixels() -> None:
     conditions = Conditions(bits=8, outliers=0.02, saturated=0.05)
     drawn = next(one for seed in range(20) if len((one := draw("oren-nayar", seed, conditions)).scene) == 12)
-    capture, ideal = drawn.photograph(), drawn.ideal()
-    assert capture.stored[0].dtype == np.uint8
+    photographs, ideal = drawn.photograph().photographs, drawn.ideal().photographs
+    assert photographs.stored[0].dtype == np.uint8
     lit = np.concatenate([image.max(axis=1) > 0 for image in drawn.radiance])
     above = np.concatenate([ideal.encoding.saturated(pixels).any(axis=1) for pixels in ideal.stored])
     assert above[lit].mean() == pytest.approx(0.05, abs=0.002)
     dark = np.concatenate([image.max(axis=1) == 0 for image in drawn.radiance])
-    stored = np.concatenate([pixels.max(axis=1) for pixels in capture.stored]) / 255
+    stored = np.concatenate([pixels.max(axis=1) for pixels in photographs.stored]) / 255
     # A pixel in shadow that is far above black can only be an outlier; few even draws fall below that.
     below = 0.2
-    stray = (stored[dark] > below).mean() / (1 - below**capture.channels)
+    stray = (stored[dark] > below).mean() / (1 - below**photographs.channels)
     assert stray == pytest.approx(0.02, abs=4 * np.sqrt(0.02 / dark.sum()))
 
 
 def test_an_ideal_photograph_gives_every_lit_pixel_off_the_rim_without_noise() -> None:
     drawn = draw("lambert", 2)
-    samples = drawn.ideal().samples(dtype=torch.float64)
+    samples = drawn.ideal().photographs.samples(dtype=torch.float64)
     surface = drawn.scene.surface
     lit = [
         ((surface.normals * lights[0].direction).sum(-1) > 0).numpy() & ~surface.rim for lights in drawn.scene.lights
     ]
     assert samples.counts == [int(mask.sum()) for mask in lit]
     batch = samples.at(0, samples.indices(0))
-    assert batch.clipped is None
+    assert batch.noise.clipped is None
     np.testing.assert_allclose(batch.radiance, drawn.radiance[0][lit[0]], rtol=1e-5, atol=1e-6)
 
 
