@@ -33,8 +33,8 @@ PRECISION = pytest.mark.parametrize("dtype", [torch.float64, torch.float32], ids
 OBLIQUE = [math.radians(angle) for angle in (0, 40, 60, 75, 85, 89.5)]
 ANGULAR_LEVELS = [0.1, 0.17, 0.26, 0.35, 0.6, 1.0, math.pi / 2]
 LOG_LEVELS = [0.1, 0.2, 0.5, 1.0]
-# Sets of parameters that are differentiated together: all of some models take 8 GB.
-SETS_AT_ONCE = 32
+# Sets of parameters that are differentiated together: eight of the integral over grooves take two gigabytes.
+SETS_AT_ONCE = 8
 # Lobes wide enough for the quadrature.
 OWN_LEVELS = {
     "f0": [0.1, 1.0],
