@@ -63,11 +63,25 @@ class Solution:
 
 def at_bound(problem: Problem, unknowns: Tensor, gradient: Tensor) -> Tensor:
     """True for unknowns [P] at an end of their domain that the data push outward (JᵀWr points downhill)."""
+    below, above = _ends(problem, unknowns)
+    return (below & (gradient <= 0)) | (above & (gradient >= 0))
+
+
+def moved(problem: Problem, unknowns: Tensor, change: Tensor) -> Tensor:
+    """u [P] after a change; what ends on a bound lies on it exactly.
+
+    A rounding beside it a shape may have a derivative so small that the step along it is without limit.
+    """
+    end = unknowns + change
+    below, above = _ends(problem, end)
+    return torch.where(below, problem.lower, torch.where(above, problem.upper, end))
+
+
+def _ends(problem: Problem, unknowns: Tensor) -> tuple[Tensor, Tensor]:
+    """Which unknowns [P] lie on the lower and which on the upper end of their domain."""
     lower, upper = problem.lower, problem.upper
     width = torch.where(torch.isfinite(upper), upper - lower, torch.ones_like(upper))
-    below = (unknowns <= lower + _BOUND_MARGIN * width) & (gradient <= 0)
-    above = (unknowns >= upper - _BOUND_MARGIN * width) & (gradient >= 0)
-    return below | above
+    return unknowns <= lower + _BOUND_MARGIN * width, unknowns >= upper - _BOUND_MARGIN * width
 
 
 @dataclass(frozen=True)
@@ -167,7 +181,8 @@ def minimise(
             residuals: a misfit makes them larger than the noise alone would.
         first: the statistics at the start, if a pass has given them already.
     """
-    unknowns, statistics = start, evaluate(start) if first is None else first
+    unknowns = moved(problem, start, torch.zeros_like(start))
+    statistics = evaluate(unknowns) if first is None else first
     damping, growth, share = _FIRST_DAMPING, 2.0, 1.0
     step = _step(problem, unknowns, statistics, damping)
     for iteration in range(1, passes):
@@ -177,10 +192,11 @@ def minimise(
             change = share * step.change
             if not step_is_visible(problem, unknowns, step.change, step.length):
                 change = torch.zeros_like(unknowns)
-            return Solution(problem, unknowns + change, statistics, iteration, step.length, True)
+            end = moved(problem, unknowns, change)
+            return Solution(problem, end, statistics, iteration, step.length, True)
         chi2 = statistics.cost
         expected_drop = share * step.slope - share**2 * step.curvature
-        target = unknowns + share * step.change
+        target = moved(problem, unknowns, share * step.change)
         target_statistics = evaluate(target)
         drop = chi2 - target_statistics.cost
         if drop > 0:

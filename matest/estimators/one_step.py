@@ -8,7 +8,7 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from matest.estimators.levenberg_marquardt import Solution, bounded_step, step_is_visible
+from matest.estimators.levenberg_marquardt import Solution, bounded_step, moved, step_is_visible
 from matest.estimators.passes import accumulate, radiance_model
 from matest.estimators.statistics import Statistics
 from matest.estimators.unknowns import Problem
@@ -74,7 +74,8 @@ def single_step(start: Solution, statistics: Statistics) -> Solution | None:
     length = _length(change, statistics, end.inflation)
     if end.reduced_chi2 > _ONE_STEP_CHI2 or not step_is_visible(problem, unknowns, change, length):
         return None
-    end_radiance = radiance_model(problem, unknowns + change)
+    target = moved(problem, unknowns, change)
+    end_radiance = radiance_model(problem, target)
     _, tiles = expand_likelihood(problem, [tile() for group in start.tiles for tile in group], unknowns)
     with torch.no_grad():
         noise_free = [
@@ -87,7 +88,7 @@ def single_step(start: Solution, statistics: Statistics) -> Solution | None:
     miss_length = _length(miss, statistics, end.inflation)
     if not miss_length < END_TOLERANCE:
         return None
-    return Solution(problem, unknowns + change, end, 1, miss_length, True)
+    return Solution(problem, target, end, 1, miss_length, True)
 
 
 def _length(change: Tensor, statistics: Statistics, inflation: float) -> float:

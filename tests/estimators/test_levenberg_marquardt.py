@@ -282,6 +282,20 @@ def test_every_slope_of_the_right_magnitude_leads_to_the_same_optimum() -> None:
         assert float(((end - truth) / standard_error).abs().max()) < 5
 
 
+def test_a_start_a_rounding_beside_a_bound_does_as_well_as_one_on_it() -> None:
+    # Of a smooth surface the derivative for sigma is next to nothing beside 0, so that its step would cross the domain.
+    chosen = problem("oren-nayar")
+    tiles = Studio(size=24).photograph(OrenNayar(0.6, 0.0), seed=0).samples().tiles(merge=False)
+
+    def end(sigma: float) -> Tensor:
+        start = torch.tensor([0.55, sigma], dtype=torch.float64)
+        solution = minimise(chosen, start, lambda u: accumulate(chosen, u, tiles, None), passes=30, tolerance=0.01)
+        assert solution.converged
+        return solution.unknowns
+
+    assert torch.equal(end(5e-17), end(0.0))
+
+
 def test_an_albedo_above_one_ends_at_its_bound() -> None:
     chosen = problem("lambert", channels=3)
     studio = Studio(size=24, lights=coloured(), noise=Noise(0.002, 0.0))
