@@ -112,16 +112,15 @@ def moments(columns: Columns, problem: LeastSquares, residual: Tensor, groups: T
     parts = [slice(end - length, end) for length, end in zip(lengths.tolist(), ends.tolist(), strict=True)]
     if len(values) == 1:
         # One product of matrices for all channels.
-        rows, columns_of_all = weighted.flatten(0, 1), values[0]
-        products = torch.stack([rows[:, part] @ columns_of_all[:, part].T for part in parts])
+        weighted_of_all, columns_of_all = weighted.flatten(0, 1), values[0]
+        products = torch.stack([weighted_of_all[:, part] @ columns_of_all[:, part].T for part in parts])
         products = products.reshape(-1, channels, count + 1, count)
     else:
         products = torch.stack([weighted[..., part] @ values[..., part].mT for part in parts])
     products = products.double().cpu()
-    # Sums over the groups as differences of running sums.
-    running = torch.nn.functional.pad(_score_rows(problem, residual).double().cumsum(-1), (1, 0)).cpu()
-    sums = running[:, ends].diff(dim=-1, prepend=running[:, :1])
-    totals = torch.cat([sums, lengths[None].double()]).T
+    rows = _score_rows(problem, residual)
+    sums = torch.stack([rows[:, part].sum(-1, dtype=torch.float64) for part in parts]).cpu()
+    totals = torch.cat([sums, lengths[:, None].double()], dim=1)
     # A merged sample counts shares of pixels, which add up to whole pixels but for rounding.
     totals[:, _COUNTS] = totals[:, _COUNTS].round()
     return Moments(labels, products[:, :, :-1], products[:, :, -1], totals)

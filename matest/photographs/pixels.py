@@ -87,11 +87,11 @@ class LitPixels:
             return np.packbits(usable), int(dark.sum()), 0 if saturated is None else int((usable & saturated).sum())
 
         selected = list(in_threads(select, self.images))
-        usable_bits, dark, saturated = ([one[column] for one in selected] for column in range(3))
+        usable_bits = [bits for bits, _, _ in selected]
         skipped = {
             "background": background * len(self.images),
-            "shadowed": sum(dark),
-            "saturated": sum(saturated),
+            "shadowed": sum(dark for _, dark, _ in selected),
+            "saturated": sum(saturated for _, _, saturated in selected),
             "rim": int(surface.rim.sum()) * len(self.images),
             "redundant": 0,
         }

@@ -186,10 +186,13 @@ def errors_of(reference: Tensor, radiance: Tensor, noise: MeasurementNoise) -> E
     """Values for the relative error of a model of radiance `reference` [n, C]; None where nothing is clipped."""
     if noise.limits is None or noise.clipped is None or not bool(noise.clipped.any()):
         return None
-    lower, upper = (end.expand_as(reference) for end in noise.limits)
-    saturated, black = noise.clipped > 0, noise.clipped < 0
-    measured = torch.where(saturated, upper, torch.where(black, lower, radiance))
-    return Errors(measured, ~(saturated & (reference >= upper)) & ~(black & (reference <= lower)))
+    at = noise.clipped.nonzero(as_tuple=True)
+    is_saturated, model = noise.clipped[at] > 0, reference[at]
+    lower, upper = (end.expand_as(reference)[at] for end in noise.limits)
+    measured, usable = radiance.clone(), torch.ones_like(radiance, dtype=torch.bool)
+    measured[at] = torch.where(is_saturated, upper, lower)
+    usable[at] = torch.where(is_saturated, model < upper, model > lower)
+    return Errors(measured, usable)
 
 
 def squared_errors(reference: Tensor, radiance: Tensor, noise: MeasurementNoise) -> tuple[float, float]:
