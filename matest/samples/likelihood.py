@@ -47,6 +47,20 @@ class Limits(NamedTuple):
     upper: Tensor
 
 
+class Clipped(NamedTuple):
+    """The m values of some samples that the sensor clipped.
+
+    Attributes:
+        at: their rows and channels, two of [m].
+        side: 1 where a value is saturated, −1 where it is clipped at black [m].
+        end: radiance of the end of the sensor's range [m].
+    """
+
+    at: tuple[Tensor, ...]
+    side: Tensor
+    end: Tensor
+
+
 @dataclass(frozen=True, eq=False)
 class MeasurementNoise:
     """How the measured radiance of n samples strays from the true one.
@@ -72,6 +86,15 @@ class MeasurementNoise:
     def variance(self, radiance: Tensor) -> Tensor:
         """Noise variance of a value of this true `radiance` [n, C]."""
         return self.readout.variance(radiance)
+
+    def clipped_values(self) -> Clipped | None:
+        """The clipped values; None where there are none."""
+        if self.limits is None or self.clipped is None or not bool(self.clipped.any()):
+            return None
+        at = self.clipped.nonzero(as_tuple=True)
+        lower, upper = (end.expand_as(self.clipped)[at] for end in self.limits)
+        side = self.clipped[at].to(upper)
+        return Clipped(at, side, torch.where(side > 0, upper, lower))
 
 
 class Means(NamedTuple):
@@ -164,12 +187,11 @@ def about(
     # Values far from the reference were not clipped by noise.
     plain = plain | (squared > far)
     response, weight = radiance, _of_means(weight, means)
-    if noise.clipped is not None and bool(noise.clipped.any()):
+    errors, clipped = None, noise.clipped_values()
+    if clipped is not None:
         response, weight, plain = response.clone(), weight.clone(), plain.clone()
-        at = noise.clipped.nonzero(as_tuple=True)
-        side = noise.clipped[at].to(reference)
+        errors, (at, side, end) = _errors(reference, radiance, clipped), clipped
         mean, spread = reference[at], residual_scale * std.expand_as(reference)[at]
-        end = torch.where(side > 0, upper.expand_as(reference)[at], lower.expand_as(reference)[at])
         z = side * (mean - end) / spread
         trust = _trust(-z)
         # For larger −z, hazard and z would cancel to 0.
@@ -179,27 +201,23 @@ def about(
         weight[at] = trust * hazard * (hazard + z) / (spread / residual_scale).square()
         # A clipped value is no measure of the fit, unless it is an outlier.
         plain[at] = trust == 0
-    return LeastSquares(response, weight, plain, means, errors_of(reference, radiance, noise))
+    return LeastSquares(response, weight, plain, means, errors)
 
 
-def errors_of(reference: Tensor, radiance: Tensor, noise: MeasurementNoise) -> Errors | None:
-    """Values for the relative error of a model of radiance `reference` [n, C]; None where nothing is clipped."""
-    if noise.limits is None or noise.clipped is None or not bool(noise.clipped.any()):
-        return None
-    at = noise.clipped.nonzero(as_tuple=True)
-    is_saturated, model = noise.clipped[at] > 0, reference[at]
-    lower, upper = (end.expand_as(reference)[at] for end in noise.limits)
+def _errors(reference: Tensor, radiance: Tensor, clipped: Clipped) -> Errors:
+    """Values for the relative error of a model of radiance `reference` [n, C]."""
+    at, side, end = clipped
     measured, usable = radiance.clone(), torch.ones_like(radiance, dtype=torch.bool)
-    measured[at] = torch.where(is_saturated, upper, lower)
-    usable[at] = torch.where(is_saturated, model < upper, model > lower)
+    measured[at] = end
+    usable[at] = torch.where(side > 0, reference[at] < end, reference[at] > end)
     return Errors(measured, usable)
 
 
 def squared_errors(reference: Tensor, radiance: Tensor, noise: MeasurementNoise) -> tuple[float, float]:
     """Sums of the squared residual and of the squared signal of all usable values, for a model `reference` [n, C]."""
-    errors = errors_of(reference, radiance, noise)
     residual, signal = radiance - reference, radiance
-    if errors is not None:
+    if (clipped := noise.clipped_values()) is not None:
+        errors = _errors(reference, radiance, clipped)
         residual, signal = (errors.measured - reference) * errors.usable, errors.measured * errors.usable
     return float(residual.double().square().sum()), float(signal.double().square().sum())
 
