@@ -36,11 +36,15 @@ _FOLDS = 4
 # Fewer images than this: parts of images are left out instead.
 _MIN_IMAGES = 3
 _BANDS = 4
-# Better by chance is not better: two standard errors over the parts, and at least this share of the error.
-_STANDARD_ERRORS, _LEAST_GAIN = 2.0, 0.01
-# A model that holds to the noise replaces one that does not: mean squared errors of single values, in units of the
-# noise and each no larger than the second of these, lie below the first.
-_HOLDS, _WILD = 1.1, 16.0
+# Standard errors over the parts by which a bigger model has to be better, so that it is not by chance.
+_STANDARD_ERRORS = 2.0
+# Share of the error by which it has to be better in any case.
+_LEAST_GAIN = 0.01
+# Mean squared error of single values, in units of the noise, below which a model holds: it then replaces one that does
+# not.
+_HOLDS = 1.1
+# Largest squared error of a single value there, in units of the noise: outliers count no more.
+_WILD = 16.0
 # Squared relative errors below this are rounding.
 _LEAST_ERROR = 1e-12
 

@@ -14,8 +14,12 @@ from matest.photographs.photographs import Photographs
 from matest.progress import Progress, silent
 from matest.scene import DirectionalLight, Scene, Surface
 
-# Directions tried, evenly over all within so many degrees of the camera's, and how many are worked out on all pixels.
-_TRIED, _FARTHEST, _WORKED_OUT = 80, 80.0, 4
+# Directions tried, evenly spaced.
+_TRIED = 80
+# Degrees from the camera's direction to the farthest of them.
+_FARTHEST = 80.0
+# The best of them, which are worked out on all pixels.
+_WORKED_OUT = 4
 # Pixels, evenly over the object, that suffice to rank directions.
 _RANKING = 6_000
 
