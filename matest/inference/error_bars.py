@@ -81,6 +81,7 @@ def error_bars(solution: Solution, samples: Samples) -> ErrorBars:
     holds = chi2 <= _max_chi2(statistics, samples) and correlation <= max_correlation
     by_image = statistics.regrouped(samples.groups.image)
     clusters = by_image if len(by_image) >= _MIN_CLUSTERS else statistics
+    widening = torch.ones_like(expansion.unknowns)
     if holds or len(clusters) < _MIN_CLUSTERS:
         kind = "fisher"
         covariance, unbounded = fisher(expansion.precision, free), expansion.covariance
@@ -88,7 +89,7 @@ def error_bars(solution: Solution, samples: Samples) -> ErrorBars:
         kind = "jackknife over images" if clusters is by_image else "jackknife over blocks"
         covariance = _jackknife(expansion, clusters, free, inside=True)
         unbounded = _jackknife(expansion, clusters, torch.ones_like(bound), inside=False)
-    widening = (unbounded.std / expansion.covariance.std).nan_to_num(1.0, posinf=1.0)
+        widening = _widening(expansion, clusters, unbounded)
     return ErrorBars(
         covariance=covariance,
         open=unbounded,
@@ -151,6 +152,18 @@ def _uncertainty_of_gauges(expansion: Expansion, clusters: Statistics, free: Ten
     everything = torch.ones(len(scatter), dtype=torch.bool)
     precision = fisher(scatter, everything).matrix + torch.diag(expansion.prior[gauges])
     return fisher(precision, everything)
+
+
+def _widening(expansion: Expansion, clusters: Statistics, unbounded: Covariance) -> Tensor:
+    """How many times as wide as by the information alone error bars are [P].
+
+    By the samples alone, as profiles of χ² are: the domain of a gauge would hide how little they are to be trusted.
+    Where they alone do not determine an unknown, its domain has to help.
+    """
+    everything = torch.ones(expansion.problem.size, dtype=torch.bool)
+    scatter = jackknife(clusters, everything, partial(_step, among=everything))
+    by_samples = (scatter.std / fisher(expansion.information, everything).std).nan_to_num(1.0, posinf=1.0)
+    return torch.maximum(by_samples, (unbounded.std / expansion.covariance.std).nan_to_num(1.0, posinf=1.0))
 
 
 def expected_error_bars(expansion: Expansion) -> ErrorBars:

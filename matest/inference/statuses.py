@@ -20,6 +20,8 @@ _STD_OF_EVEN = 1 / math.sqrt(12)
 _WHOLE_DOMAIN = 0.95
 # Relative standard error above which parameters that range over decades, and those along a bent valley, are not known.
 _LARGEST_RELATIVE_STD = 0.5
+# Information that is a smaller share of what a domain says is rounding.
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -145,7 +147,7 @@ def _unknown(
     flat = position in valleys.flat
     at_end = bool(bars.bound[position]) or flat
     covariance = bars.open if at_end else bars.covariance
-    std = float(covariance.std[position])
+    std = _by_the_samples(float(covariance.std[position]), float(expansion.prior[position]))
     reach = quantile95(bars.covariance.degrees)
     symmetric = max(domain.lower, value - reach * std), min(domain.upper, value + reach * std)
     interval = intervals.ends.get(position, symmetric)
@@ -177,15 +179,18 @@ def _width(expansion: Expansion, name: str) -> float:
 
 def _largest_std(expansion: Expansion, name: str, position: int) -> float:
     """The standard error above which the samples say nothing of an unknown."""
-    problem, width = expansion.problem, _width(expansion, name)
-    value, prior = float(expansion.unknowns[position]), expansion.prior[position]
+    problem, width, value = expansion.problem, _width(expansion, name), float(expansion.unknowns[position])
     # Under an unknown light scale the domain has no end: the largest channel serves as its width.
     scale = float(expansion.unknowns[problem.where[name]].max()) if math.isinf(width) else width
-    largest = min(_STD_OF_EVEN * scale, _LARGEST_RELATIVE_STD * value if problem.declared(name).log else math.inf)
-    if prior > 0:
-        # The error bar includes the domain already.
-        largest = 1 / math.hypot(1 / largest, math.sqrt(prior))
-    return largest
+    return min(_STD_OF_EVEN * scale, _LARGEST_RELATIVE_STD * value if problem.declared(name).log else math.inf)
+
+
+def _by_the_samples(std: float, prior: float) -> float:
+    """A standard error without what the domain of the unknown says of it: that is no knowledge of the samples."""
+    if prior == 0:
+        return std
+    information = std**-2 - prior
+    return information**-0.5 if information > _ROUNDING * prior else math.inf
 
 
 def combined(channels: Sequence[Verdict], unit: str, doc: str) -> ParameterEstimate:

@@ -96,8 +96,10 @@ def bent_valleys(expansion: Expansion, around: Around) -> frozenset[int]:
         directions.append(torch.eye(problem.size, dtype=torch.float64)[position])
     bent: set[int] = set()
     for direction in directions:
-        # A gauge is not tried: its domain says more of it than χ² does.
-        position = int((direction * ~expansion.gauges).argmax())
+        if bool((direction > PARTICIPATES)[expansion.gauges].any()):
+            # It ends where the domain of the gauge does: error bars allow for that.
+            continue
+        position = int(direction.argmax())
         value, std = float(expansion.unknowns[position]), float(covariance.std[position])
         reach, pull = quantile95(math.inf) * std, float(covariance.matrix[position] @ expansion.gradient)
         for end in (value - reach, value + reach):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -155,3 +156,14 @@ def test_a_gauge_that_the_data_tell_enters_with_what_they_tell() -> None:
     bars = error_bars(gauged(1.0, weight=1e6, chi2=1.0), source(6))
     matrix = torch.linalg.inv(gauged(1.0, weight=1e6, chi2=1.0).statistics.information)
     torch.testing.assert_close(bars.covariance.matrix, matrix, rtol=1e-5, atol=1e-15)
+
+
+def test_the_domain_of_a_gauge_does_not_hide_how_little_samples_are_to_be_trusted() -> None:
+    # By their information they tell the gauge to 0.04, by how much single images move it to more than its domain.
+    solution = gauged(2.0, weight=400.0)
+    spread = 300.0 * torch.tensor([3.0, -3.0, 2.0, -2.0, 1.0, -1.0]).double()
+    statistics = replace(solution.statistics, gradients=spread[:, None] * torch.tensor([10.0, 0.0, 20.0]))
+    bars = error_bars(replace(solution, statistics=statistics), source(6))
+    assert bars.kind == "jackknife over images"
+    assert float(bars.open.std[2]) < 2 / math.sqrt(3)
+    assert float(bars.widening[2]) * (4 / 6 / 400) ** 0.5 > 2 / math.sqrt(3)

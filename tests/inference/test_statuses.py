@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from matest.inference.statuses import Unknown, Verdict, combined
+from matest.inference.statuses import Unknown, Verdict, _by_the_samples, combined
 
 KNOWN = Unknown(
     value=0.5,
@@ -66,3 +66,11 @@ def test_the_status_of_a_parameter_is_the_worst_of_its_channels() -> None:
     assert mixed.value == [0.5, 1.0, None]
     assert mixed.std == [0.01, None, None]
     assert mixed.interval95 == [[0.48, 0.52], [0.9, 1.0], None]
+
+
+@pytest.mark.parametrize("std", [0.01, 0.3, 5.0])
+def test_a_standard_error_by_the_samples_alone_leaves_a_domain_out(std: float) -> None:
+    prior = 3.0
+    assert _by_the_samples((std**-2 + prior) ** -0.5, prior) == pytest.approx(std)
+    assert _by_the_samples(std, 0.0) == std
+    assert math.isinf(_by_the_samples(prior**-0.5, prior))
