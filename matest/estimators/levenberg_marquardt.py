@@ -126,7 +126,8 @@ def bounded_step(
         index = (~active).nonzero()[:, 0]
         direction = torch.zeros_like(unknowns)
         if len(index):
-            step = torch.linalg.lstsq(scaled[index][:, index], slope[index][:, None]).solution[:, 0]
+            # The default driver, gelsy, reads its pivots from memory that nobody has set: its last bits vary by call.
+            step = torch.linalg.lstsq(scaled[index][:, index], slope[index][:, None], driver="gelsd").solution[:, 0]
             direction[index] = step * scale[index]
         # Go no further than the first bound on the way; the unknown that meets it stays there.
         room = torch.where(direction > 0, problem.upper - position, problem.lower - position)

@@ -131,6 +131,18 @@ def test_two_unknowns_that_only_their_sum_is_known_of_share_the_step() -> None:
     assert float(step[1]) <= 0.05 + 1e-12
 
 
+def test_the_same_step_comes_out_to_the_last_bit_whatever_memory_held_before() -> None:
+    matrix = information(OPEN.size, 3)
+    unknowns, gradient = torch.full((OPEN.size,), 0.5, dtype=torch.float64), pull(matrix, 3, 0.1)
+
+    def step_after_use_of_memory(number: int) -> bytes:
+        used = [torch.full((count,), number, dtype=torch.int32) for count in range(1, 2 * OPEN.size)]
+        del used
+        return bounded_step(OPEN, unknowns, matrix, gradient).numpy().tobytes()
+
+    assert len({step_after_use_of_memory(number % 3) for number in range(1000)}) == 1
+
+
 def test_at_bound_needs_both_the_end_and_an_outward_pull() -> None:
     chosen = problem("cook-torrance")
     unknowns = torch.tensor([0.0, 1.0, 1.0], dtype=torch.float64)
