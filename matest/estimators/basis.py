@@ -34,7 +34,7 @@ class Basis:
     Attributes:
         coefficients: of the K columns in the radiance [C, K].
         slopes: of the K columns in the derivatives by each of the Q free parameters of a channel [C, K, Q].
-        exposure: factor on the radiance of every image [I]; None: 1 throughout.
+        multiplier: of the radiance of each group; None: 1 throughout.
     """
 
     coefficients: Tensor
@@ -43,7 +43,7 @@ class Basis:
     def __init__(self, problem: Problem, unknowns: Tensor | None) -> None:
         self._problem = problem
         self._sky: list[Tensor] = []
-        self.exposure = None if unknowns is None else problem.exposure(unknowns)
+        self.multiplier = None if unknowns is None else problem.multiplied(unknowns)
 
     def columns(self, tile: Tile, *, cut: bool = True) -> Columns:
         """The K columns; with `cut`, light whose reflectance at these unknowns is below zero gives nothing."""
@@ -60,9 +60,9 @@ class Basis:
     def radiance_of(self, columns: Columns, batch: Batch) -> Tensor:
         """Model radiance [n, C] of a batch whose columns are known."""
         radiance = columns.radiance(self.coefficients)
-        if self.exposure is None:
+        if self.multiplier is None:
             return radiance
-        return radiance * self.exposure[self._problem.groups.image_of(batch)].to(radiance)[:, None]
+        return radiance * self.multiplier.value[self._problem.groups.group_of(batch)].to(radiance)[:, None]
 
     def _shapes(self, directions: Directions, lead: torch.Size, like: Tensor) -> list[Tensor]:
         """Each of the K shapes [..., 1 or C] at directions of size `lead`; `like` gives dtype and device."""

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from matest.estimators.moments import Moments, with_added_cost
 from matest.estimators.statistics import Statistics
-from matest.estimators.unknowns import Problem
+from matest.estimators.unknowns import Multiplier, Problem
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,12 +18,12 @@ class ColumnStatistics:
 
     Attributes:
         origin: coefficients [C, K] that the residuals belong to.
-        exposure: of every image there [I]; None: 1 throughout.
+        multiplier: of the radiance of each group there; None: 1 throughout.
         moments: of every group.
     """
 
     origin: Tensor
-    exposure: Tensor | None
+    multiplier: Multiplier | None
     moments: Moments
 
     def statistics(self, problem: Problem, unknowns: Tensor, coefficients: Tensor, slopes: Tensor) -> Statistics:
@@ -36,28 +36,28 @@ class ColumnStatistics:
             slopes: their derivatives by every free parameter of a channel [C, K, Q].
         """
         moments = self.moments
-        images = problem.groups.image[moments.labels] if problem.exposures else None
-        exposure = _group_exposure(problem.exposure(unknowns), images)
-        change = exposure * coefficients - _group_exposure(self.exposure, images) * self.origin
+        multiplier = problem.multiplied(unknowns)
+        factor = _factor(multiplier, moments.labels)
+        change = factor * coefficients - _factor(self.multiplier, moments.labels) * self.origin
         rise = (moments.gram @ change[..., None])[..., 0]
         # Derivatives of the coefficients by the unknowns that a group touches, [1 or B, C, K, Q].
-        slopes = exposure[..., None] * (slopes @ problem.selectors)
-        if images is not None:
-            by_exposure = coefficients[..., None].expand(len(images), -1, -1, len(problem.exposures))
-            slopes = torch.cat([slopes.expand(len(images), -1, -1, -1), by_exposure], dim=-1)
+        slopes = factor[..., None] * (slopes @ problem.selectors)
+        if multiplier is not None:
+            by_multiplier = coefficients[..., None] * multiplier.slopes[moments.labels][:, None, None]
+            slopes = torch.cat([slopes, by_multiplier], dim=-1)
         return Statistics(
             labels=moments.labels,
             informations=(slopes.mT @ moments.gram @ slopes).sum(1),
             gradients=(slopes.mT @ (moments.moment - rise)[..., None]).sum(1)[..., 0],
             scores=with_added_cost(moments.scores, (change * (rise - 2 * moments.moment)).sum((1, 2))),
-            places=None if images is None else problem.places(images),
+            places=None if multiplier is None else problem.places[moments.labels],
             prior=problem.prior_terms(unknowns),
             unknowns=problem.size,
         )
 
 
-def _group_exposure(exposure: Tensor | None, images: Tensor | None) -> Tensor:
-    """Factor on the radiance of every group [1 or B, 1, 1]."""
-    if exposure is None or images is None:
+def _factor(multiplier: Multiplier | None, groups: Tensor) -> Tensor:
+    """What multiplies the radiance of the groups of these labels [B], for [B, C, K]; [1, 1, 1] where nothing does."""
+    if multiplier is None:
         return torch.ones(1, 1, 1, dtype=torch.float64)
-    return exposure[images][:, None, None]
+    return multiplier.value[groups][:, None, None]

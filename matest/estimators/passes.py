@@ -137,7 +137,7 @@ def _sum_columns(
             return [*parts, moments(columns, problem, problem.response - radiance, tile.batch.groups)]
 
     total = sum_moments([empty_moments(*basis.coefficients.shape), *in_groups(sum_tile, tiles)])
-    return ColumnStatistics(basis.coefficients, basis.exposure, total)
+    return ColumnStatistics(basis.coefficients, basis.multiplier, total)
 
 
 def predict_radiance(problem: Problem, unknowns: Tensor, batch: Batch) -> Tensor:

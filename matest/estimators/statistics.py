@@ -38,7 +38,8 @@ class PriorTerms:
 class Statistics:
     """Additive statistics of a pass over B groups of samples, double precision.
 
-    A group depends on Q of the P unknowns: of blocks on the axis of images only on its image's. `places` says which.
+    A group depends on Q of the P unknowns: of multipliers only on those of its own image, light or group. `places` says
+    which.
 
     Attributes:
         labels: of the groups [B].
@@ -149,14 +150,26 @@ class Statistics:
         return replace(self, gradients=self.gradients - drop, scores=with_added_cost(self.scores, added), prior=prior)
 
     def regrouped(self, coarser: Tensor) -> Statistics:
-        """The same statistics with groups joined; `coarser` [G] has the new label of every group.
-
-        Groups that are joined must depend on the same unknowns, as those of one image do.
-        """
-        labels = coarser[self.labels]
+        """The same statistics with groups joined; `coarser` [G] has the new label of every group."""
+        labels, places = coarser[self.labels], self.places
         distinct, informations, gradients, scores = sum_by_label(labels, self.informations, self.gradients, self.scores)
-        places = self.places
         if places is not None:
-            first = torch.stack([(labels == label).nonzero()[0, 0] for label in distinct])
+            rows = torch.searchsorted(distinct, labels)
+            first = torch.full_like(distinct, len(labels)).scatter_reduce(0, rows, torch.arange(len(labels)), "amin")
+            if not torch.equal(places, places[first[rows]]):
+                # Groups that depend on different unknowns have only all of them in common.
+                return self._dense.regrouped(coarser)
             places = places[first]
         return Statistics(distinct, informations, gradients, scores, places, self.prior, self.unknowns)
+
+    @property
+    def _dense(self) -> Statistics:
+        """The same statistics with the rows and columns of all P unknowns."""
+        if self.places is None:
+            return self
+        count = len(self)
+        group, rows, columns = torch.arange(count)[:, None, None], self.places[:, :, None], self.places[:, None, :]
+        informations = torch.zeros(count, self.size, self.size, dtype=torch.float64)
+        informations[group, rows, columns] = self.informations
+        gradients = torch.zeros(count, self.size, dtype=torch.float64).scatter(1, self.places, self.gradients)
+        return replace(self, informations=informations, gradients=gradients, places=None)

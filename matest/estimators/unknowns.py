@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import torch
 from torch import Tensor
@@ -15,13 +15,13 @@ from matest.brdf import Brdf
 from matest.brdf.terms import Factor
 from matest.estimators.statistics import PriorTerms
 from matest.parameters import Derived, Domain, Parameter, Role, non_negative
-from matest.samples import Groups
+from matest.samples.groups import GroupAxis, Groups
 
-# How many unknowns a block has: one, one per channel, or one per image.
-Axis = Literal["one", "channel", "image"]
+# How many unknowns a block has: one, one per channel, or one per image, light or group of samples.
+Axis = Literal["one", "channel"] | GroupAxis
 # How a block enters the model: a parameter of it; the reciprocal of the unknown common scale of the lights, which the
-# gauge parameters of the model take; a factor on the radiance of each image.
-Kind = Literal["parameter", "light_scale", "exposure"]
+# gauge parameters of the model take; a multiplier of the radiance of each image, light or group of samples.
+Kind = Literal["parameter", "light_scale", "multiplier"]
 
 
 @dataclass(frozen=True)
@@ -35,6 +35,9 @@ class Block:
         kind: how it enters the model.
         start: where it starts, and the mean of its prior.
         prior: standard deviation of a Gaussian prior about `start`; None: flat.
+
+    Raises:
+        ValueError: a multiplier is not for each image, light or group, or something else is.
     """
 
     name: str
@@ -44,21 +47,41 @@ class Block:
     start: float = 0.5
     prior: float | None = None
 
+    def __post_init__(self) -> None:
+        if (self.kind == "multiplier") is (self.axis in ("one", "channel")):
+            raise ValueError(f"{self.name}: a {self.kind} cannot have the axis {self.axis}.")
 
-def exposures(prior: float | None) -> Block:
-    """The exposure of every image as a multiple of the stated one; held at 1 where it is no block of a problem.
+
+def multipliers(name: str, axis: GroupAxis, prior: float | None) -> Block:
+    """Multiples of the stated radiance; held at 1 where they are no block of a problem.
+
+    The exposures of images, the powers of lights that light one image each or several, the albedo of groups.
 
     Args:
+        name: of what is multiplied.
+        axis: what there is one unknown for.
         prior: standard deviation.
     """
-    return Block("exposure", non_negative, "image", "exposure", start=1.0, prior=prior)
+    return Block(name, non_negative, axis, "multiplier", start=1.0, prior=prior)
+
+
+class Multiplier(NamedTuple):
+    """What multiplies the radiance of the samples of each group.
+
+    Attributes:
+        value: [G].
+        slopes: its derivatives by the M unknowns that a group touches [G, M].
+    """
+
+    value: Tensor
+    slopes: Tensor
 
 
 @dataclass(frozen=True)
 class Problem:
     """A model of C channels with blocks of unknowns laid out in one vector u [P].
 
-    Blocks on the axis of images come last: a sample touches all others, but of these only its own image's.
+    Multipliers come last: a sample touches all others, but of these only those of its own image, light or group.
 
     Attributes:
         brdf: the model; its own values serve for nothing but their names.
@@ -69,7 +92,7 @@ class Problem:
         relative: the light scale is unknown: albedo-like parameters have no upper bound.
         arbitrary: held parameters that only set a scale: only quantities derived from them and others have an effect.
         pinned: values that single unknowns are held at, by their position in u.
-        groups: of the samples; those on the axis of images need them.
+        groups: of the samples; multipliers need them.
     """
 
     brdf: Brdf
@@ -111,12 +134,12 @@ class Problem:
     @cached_property
     def free(self) -> tuple[str, ...]:
         """Names of the estimated parameters of the model, in order."""
-        return tuple(block.name for block in self.blocks if block.axis != "image")
+        return tuple(block.name for block in self.blocks if block.kind != "multiplier")
 
     @cached_property
-    def exposures(self) -> tuple[str, ...]:
-        """Names of the blocks on the axis of images."""
-        return tuple(block.name for block in self.blocks if block.axis == "image")
+    def multipliers(self) -> tuple[Block, ...]:
+        """The blocks that multiply the radiance."""
+        return tuple(block for block in self.blocks if block.kind == "multiplier")
 
     def freed(self, names: Sequence[str]) -> Problem:
         """The same problem with some of the held parameters estimated."""
@@ -126,9 +149,8 @@ class Problem:
             self.brdf, self.channels, free, held, self.ties, relative=self.relative, arbitrary=self.arbitrary
         )
         by_name = {block.name: block for block in self.blocks}
-        by_image = tuple(block for block in self.blocks if block.axis == "image")
         blocks = tuple(by_name.get(block.name, block) for block in problem.blocks)
-        return replace(problem, blocks=(*blocks, *by_image), groups=self.groups)
+        return replace(problem, blocks=(*blocks, *self.multipliers), groups=self.groups)
 
     @cached_property
     def amplitudes(self) -> tuple[str, ...]:
@@ -210,7 +232,9 @@ class Problem:
         return self.channels if self.declared(name).per_channel else 1
 
     def _length(self, block: Block) -> int:
-        return {"one": 1, "channel": self.channels, "image": self.groups.images}[block.axis]
+        if block.axis == "one":
+            return 1
+        return self.channels if block.axis == "channel" else self.groups.count(block.axis)
 
     @cached_property
     def where(self) -> dict[str, slice]:
@@ -258,7 +282,7 @@ class Problem:
     @cached_property
     def selectors(self) -> Tensor:
         """0/1 matrices [C, Q, S]: which of the S unknowns common to all samples is each of the Q parameters."""
-        shared = sum(self._length(block) for block in self.blocks if block.axis != "image")
+        shared = sum(self._length(block) for block in self.blocks if block.kind != "multiplier")
         out = torch.zeros(self.channels, len(self.free), shared, dtype=torch.float64)
         for row, name in enumerate(self.free):
             place = self.where[name]
@@ -266,15 +290,29 @@ class Problem:
                 out[channel, row, place.start + (channel if place.stop - place.start > 1 else 0)] = 1
         return out
 
-    def places(self, images: Tensor) -> Tensor:
-        """Positions in u of the unknowns that samples of some images [B] touch: common ones and their own [B, Q]."""
-        shared = torch.arange(self.selectors.shape[-1]).expand(len(images), -1)
-        return torch.cat([shared, *(self.where[name].start + images[:, None] for name in self.exposures)], dim=1)
+    @cached_property
+    def places(self) -> Tensor:
+        """Positions in u of the unknowns that samples of each group touch: common ones and their multipliers [G, Q]."""
+        shared = torch.arange(self.selectors.shape[-1]).expand(len(self.groups.image), -1)
+        return torch.cat([shared, self._multiplier_places], dim=1)
 
-    def exposure(self, unknowns: Tensor) -> Tensor | None:
-        """Factor on the radiance of every image [I]; None: 1 throughout."""
-        factors = [unknowns[self.where[name]] for name in self.exposures]
-        return torch.stack(factors).prod(dim=0) if factors else None
+    @cached_property
+    def _multiplier_places(self) -> Tensor:
+        """Positions in u of the M multipliers of each group [G, M]."""
+        places = [
+            self.where[block.name].start + self.groups.along(block.axis)
+            for block in self.blocks
+            if block.axis != "one" and block.axis != "channel"
+        ]
+        return torch.stack(places, dim=1)
+
+    def multiplied(self, unknowns: Tensor) -> Multiplier | None:
+        """What multiplies the radiance of each group; None: 1 throughout."""
+        if not self.multipliers:
+            return None
+        parts = unknowns[self._multiplier_places]
+        others = ~torch.eye(parts.shape[1], dtype=torch.bool)
+        return Multiplier(parts.prod(1), torch.stack([parts[:, row].prod(1) for row in others], dim=1))
 
     def prior_terms(self, unknowns: Tensor) -> PriorTerms | None:
         """The terms of the priors at u [P]; None where every block's is flat."""

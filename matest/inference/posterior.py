@@ -37,7 +37,7 @@ class Posterior:
         labels: names of the rows of `correlation`.
         correlation: of the estimates, [P][P].
         seen_together: reported names of parameters of which the samples see only combinations.
-        nuisance: estimates of the blocks of the calibration, one number an image.
+        nuisance: estimates of the blocks of the calibration, one number an image, light or group.
     """
 
     problem: Problem

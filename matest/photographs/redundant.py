@@ -98,10 +98,12 @@ def _lit(photographs: Photographs, image: int) -> bool:
 def _stated_alike(photographs: Photographs, image: int, other: int) -> bool:
     """Whether two images are stated to be taken under the same light with the same exposure."""
     scene, exposures = photographs.scene, photographs.exposures
-    if exposures[image] != exposures[other] or len(scene.lights[image]) != len(scene.lights[other]):
-        return False
-    alike = all(one.same_as(two) for one, two in zip(scene.lights[image], scene.lights[other], strict=True))
-    return alike and bool(scene.ambient[image].equal(scene.ambient[other]))
+    keys = [[light.key for light in scene.lights[k]] for k in (image, other)]
+    return (
+        exposures[image] == exposures[other]
+        and keys[0] == keys[1]
+        and bool(scene.ambient[image].equal(scene.ambient[other]))
+    )
 
 
 def _equal(one: np.ndarray, other: np.ndarray) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from functools import cached_property
 
 import numpy as np
@@ -40,10 +40,21 @@ class PhotographSamples(LitPixels):
         """Whether the noise is known; if not, it was estimated from the photographs."""
         return self.photographs.noise_stated
 
-    @property
+    @cached_property
     def groups(self) -> Groups:
         """Blocks of pixels, and the position in `images` of the image that each belongs to."""
-        return Groups(torch.arange(len(self.images)).repeat_interleave(BLOCKS))
+        scene, light = self.photographs.scene, None
+        if self._one_light_each:
+            numbers: dict[Hashable, int] = {}
+            keys = [scene.lights[image][0].key for image in self.images]
+            light = torch.tensor([numbers.setdefault(key, len(numbers)) for key in keys])
+        return Groups(torch.arange(len(self.images)).repeat_interleave(BLOCKS), light)
+
+    @property
+    def _one_light_each(self) -> bool:
+        """Whether every photograph has one light, and no light of the sky."""
+        scene = self.photographs.scene
+        return not bool((scene.ambient > 0).any()) and all(len(lights) == 1 for lights in scene.lights)
 
     def optics(self, quantity: Role) -> Tensor | None:
         """See `Scene.optics`."""
@@ -63,7 +74,7 @@ class PhotographSamples(LitPixels):
             redundancy=self.redundancy,
             pixels=scene.surface.shape[0] * scene.surface.shape[1],
             coverage=scene.surface.coverage,
-            one_light_each=not sky and all(len(lights) == 1 for lights in scene.lights),
+            one_light_each=self._one_light_each,
             geometry=[*_unneeded_shadows(scene.surface), *([] if sky else ["ambient light: there is none"])],
             noise=""
             if photographs.noise_stated

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import torch
 from torch import Tensor
 
 from matest.samples.batch import Batch
+
+# What there may be one unknown for, apart from the whole and the channels.
+GroupAxis = Literal["image", "light", "group"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,9 +23,11 @@ class Groups:
 
     Attributes:
         image: that each group belongs to, int64 [G].
+        light: that each image was taken under, int64 [I]; None: not every image has one light.
     """
 
     image: Tensor
+    light: Tensor | None = None
 
     @classmethod
     def single(cls) -> Groups:
@@ -31,8 +37,30 @@ class Groups:
     @property
     def images(self) -> int:
         """Number of images."""
-        return int(self.image.max()) + 1
+        return self.count("image")
+
+    def along(self, axis: GroupAxis) -> Tensor:
+        """The image, the light or the group that each group belongs to, int64 [G].
+
+        Raises:
+            ValueError: the axis of lights, and not every image has one light.
+        """
+        if axis == "group":
+            return torch.arange(len(self.image))
+        if axis == "image":
+            return self.image
+        if self.light is None:
+            raise ValueError("unknowns of each light need images that have one light each and no sky.")
+        return self.light[self.image]
+
+    def count(self, axis: GroupAxis) -> int:
+        """Number of images, lights or groups."""
+        return int(self.along(axis).max()) + 1
+
+    def group_of(self, batch: Batch) -> Tensor:
+        """The group of every sample of a batch, int64 [n]."""
+        return torch.zeros(len(batch), dtype=torch.int64) if batch.groups is None else batch.groups.cpu()
 
     def image_of(self, batch: Batch) -> Tensor:
         """The image of every sample of a batch, int64 [n]."""
-        return self.image[torch.zeros(len(batch), dtype=torch.int64) if batch.groups is None else batch.groups.cpu()]
+        return self.image[self.group_of(batch)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol, Self
 
@@ -46,8 +46,9 @@ class Light(Protocol):
         """World units from `positions` [N, 3] to the light, infinite for a distant one, [1 or N]."""
         ...
 
-    def same_as(self, other: Light) -> bool:
-        """Whether the other is stated to be the same light to the last digit."""
+    @property
+    def key(self) -> Hashable:
+        """Equal for lights that are stated to be the same to the last digit."""
         ...
 
     def channel(self, index: int) -> Self:
@@ -85,9 +86,9 @@ class DirectionalLight:
     def distance(self, positions: Tensor) -> Tensor:
         return positions.new_full((1,), math.inf)
 
-    def same_as(self, other: Light) -> bool:
-        same_source = isinstance(other, DirectionalLight) and self.direction.equal(other.direction)
-        return same_source and _same_power(self, other)
+    @property
+    def key(self) -> Hashable:
+        return "distant", *self.direction.tolist(), *self.irradiance.tolist(), self.solid_angle
 
     def channel(self, index: int) -> DirectionalLight:
         return replace(self, irradiance=self.irradiance[index, None])
@@ -130,9 +131,9 @@ class PointLight:
     def distance(self, positions: Tensor) -> Tensor:
         return (self.position - positions).norm(dim=-1)
 
-    def same_as(self, other: Light) -> bool:
-        same_source = isinstance(other, PointLight) and self.position.equal(other.position)
-        return same_source and _same_power(self, other)
+    @property
+    def key(self) -> Hashable:
+        return "near", *self.position.tolist(), *self.intensity.tolist(), self.solid_angle
 
     def channel(self, index: int) -> PointLight:
         return replace(self, intensity=self.intensity[index, None])
@@ -184,7 +185,3 @@ def unit_direction(direction: list[float], label: str) -> Tensor:
             "least one non-zero."
         )
     return vector / length
-
-
-def _same_power(one: Light, other: Light) -> bool:
-    return one.power.equal(other.power) and one.solid_angle == other.solid_angle

@@ -1,8 +1,10 @@
-"""Whatever fulfils the protocol of samples can be fitted and judged; unknowns may lie on the axis of images."""
+"""Whatever fulfils the protocol of samples can be fitted and judged; unknowns may be of images, lights, groups."""
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
@@ -12,12 +14,15 @@ from torch import Tensor
 import matest
 from matest.brdf import Brdf, CookTorrance, OrenNayar
 from matest.estimators import Problem, Solution, fit
-from matest.estimators.unknowns import exposures
+from matest.estimators.unknowns import Block, multipliers
 from matest.inference.posterior import judge
+from matest.parameters import unit_interval
 from matest.samples import Samples
+from matest.samples.groups import GroupAxis
+from tests.captures import directional
 from tests.problems import problem
 from tests.samples.table import Table
-from tests.simulated import Studio
+from tests.simulated import DIRECTIONS, Studio
 
 INCIDENCES = torch.deg2rad(torch.tensor([10.0, 25.0, 40.0, 55.0], dtype=torch.float64))
 MATERIALS = {
@@ -95,7 +100,7 @@ def exposed(material: Brdf, factors: Tensor, seed: int) -> Samples:
 
 
 def with_exposures(chosen: Problem, samples: Samples, prior: float) -> Problem:
-    return replace(chosen, blocks=(*chosen.blocks, exposures(prior)), groups=samples.groups)
+    return replace(chosen, blocks=(*chosen.blocks, multipliers("exposure", "image", prior)), groups=samples.groups)
 
 
 @pytest.mark.parametrize("expression", ["oren-nayar", "cook-torrance"])
@@ -129,21 +134,70 @@ def test_exposures_of_images_are_unknowns_with_a_prior(expression: str) -> None:
 
 def test_no_prior_leaves_the_common_factor_of_exposures_and_albedo_open() -> None:
     samples = exposed(OrenNayar(0.6, 0.5), strays(6, 0.03, 0), 0)
-    chosen = replace(problem("lambert"), blocks=(*problem("lambert").blocks, exposures(None)), groups=samples.groups)
+    plain = problem("lambert")
+    chosen = replace(plain, blocks=(*plain.blocks, multipliers("exposure", "image", None)), groups=samples.groups)
     posterior = judge(fit(chosen, samples, seed=0), samples)
     assert posterior.estimates["albedo"].status == "not determined"
 
 
-def test_statistics_with_exposures_are_those_of_the_dense_matrices() -> None:
-    samples = exposed(OrenNayar(0.6, 0.5), strays(6, 0.03, 1), 1)
-    chosen = with_exposures(problem("oren-nayar"), samples, 0.03)
-    unknowns = torch.cat([torch.tensor([0.55, 0.45], dtype=torch.float64), strays(6, 0.02, 2)])
-    found = matest.estimators.accumulate(chosen, unknowns, samples.tiles(), unknowns)
-    assert found.information.shape == (8, 8)
+def bracketed(lights: Sequence[Tensor], seed: int) -> Samples:
+    """Photographs of the same lights with two exposures each."""
+    studio = Studio(size=24, lights=tuple((directional(d, 3.0),) for d in DIRECTIONS[:3] for _ in range(2)))
+    radiance = studio.clean(OrenNayar(0.6, 0.5)) * torch.cat(list(lights)).repeat_interleave(2).numpy()[:, None, None]
+    return studio.expose(radiance, seed).samples(dtype=torch.float64)
+
+
+@pytest.mark.parametrize("expression", ["oren-nayar", "cook-torrance"])
+@pytest.mark.parametrize("axes", [("image",), ("light",), ("group",), ("image", "light")])
+def test_gradients_by_multipliers_are_those_of_the_cost(expression: str, axes: tuple[GroupAxis, ...]) -> None:
+    samples, plain = bracketed([strays(3, 0.03, 1)], 1), problem(expression)
+    blocks = tuple(multipliers(f"multiple of {axis}", axis, 0.03) for axis in axes)
+    chosen = replace(plain, blocks=(*plain.blocks, *blocks), groups=samples.groups)
+    unknowns = torch.cat([0.9 * plain.anywhere, strays(chosen.size - plain.size, 0.02, 2)])
+    statistics = matest.estimators.accumulate(chosen, unknowns, samples.tiles(), unknowns)
+    assert statistics.information.shape == (chosen.size, chosen.size)
+    by_image = statistics.regrouped(samples.groups.image)
+    torch.testing.assert_close(by_image.information, statistics.information)
+    torch.testing.assert_close(by_image.gradient, statistics.gradient)
     step = 1e-5
-    for position in range(8):
+    for position in [*range(plain.size), *range(plain.size, chosen.size, 37), chosen.size - 1]:
         ahead, behind = unknowns.clone(), unknowns.clone()
         ahead[position] += step
         behind[position] -= step
         costs = [matest.estimators.accumulate(chosen, u, samples.tiles(), unknowns).cost for u in (ahead, behind)]
-        assert (costs[1] - costs[0]) / (4 * step) == pytest.approx(float(found.gradient[position]), rel=1e-4, abs=1e-2)
+        gradient = float(statistics.gradient[position])
+        assert (costs[1] - costs[0]) / (4 * step) == pytest.approx(gradient, rel=1e-4, abs=1e-2)
+
+
+def test_one_light_has_one_power_however_many_images_it_lights() -> None:
+    powers, plain, squares = strays(3, 0.03, 5), problem("oren-nayar"), []
+    for seed in range(6):
+        samples = bracketed([powers], seed)
+        block = multipliers("light_power", "light", 0.03)
+        chosen = replace(plain, blocks=(*plain.blocks, block), groups=samples.groups)
+        posterior = judge(fit(chosen, samples, seed=0), samples)
+        power, covariance = torch.tensor(posterior.nuisance["light_power"].value), posterior.bars.covariance.matrix
+        assert len(power) == 3
+        # Ratios are known far better than the prior knows any.
+        for other in (1, 2):
+            contrast = torch.zeros(chosen.size, dtype=torch.float64)
+            contrast[plain.size], contrast[plain.size + other] = -1, 1
+            variance = contrast @ covariance @ contrast
+            assert variance < 0.006**2
+            squares.append(float((power[other] - power[0] - (powers[other] - powers[0])) ** 2 / variance))
+    # Within three times √(2/n) of the mean square of so many errors.
+    assert sum(squares) / len(squares) == pytest.approx(1, abs=3 * math.sqrt(2 / len(squares)))
+
+
+def test_powers_of_lights_need_one_light_an_image() -> None:
+    pairs = tuple((directional(a, 3.0), directional(b, 3.0)) for a, b in itertools.pairwise(DIRECTIONS[:3]))
+    samples, plain = Studio(size=24, lights=pairs).photograph(OrenNayar(0.6, 0.5), 0).samples(), problem("oren-nayar")
+    block = multipliers("light_power", "light", 0.03)
+    with pytest.raises(ValueError, match="one light each"):
+        fit(replace(plain, blocks=(*plain.blocks, block), groups=samples.groups), samples, seed=0)
+
+
+def test_only_multipliers_are_for_images_lights_or_groups() -> None:
+    for axis, kind in (("image", "parameter"), ("one", "multiplier")):
+        with pytest.raises(ValueError, match="cannot have the axis"):
+            Block("albedo", unit_interval, axis, kind)

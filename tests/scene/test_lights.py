@@ -92,11 +92,10 @@ def test_one_channel_of_a_light_lights_as_that_channel_did(light):
 def test_lights_are_the_same_only_if_everything_stated_of_them_is():
     distant, lamp = directional((0.0, 0.6, 0.8), 1.0), point((0.0, 0.6, 0.8), 1.0)
     for light in (distant, lamp):
-        assert light.same_as(replace(light))
-        assert not light.same_as(replace(light, solid_angle=0.1))
-    assert not distant.same_as(lamp)
-    assert not lamp.same_as(distant)
-    assert not distant.same_as(directional((0.0, 0.8, 0.6), 1.0))
-    assert not distant.same_as(directional((0.0, 0.6, 0.8), 2.0))
-    assert not lamp.same_as(point((0.0, 0.6, 0.9), 1.0))
-    assert not lamp.same_as(point((0.0, 0.6, 0.8), 2.0))
+        assert light.key == replace(light).key
+        assert light.key != replace(light, solid_angle=0.1).key
+    assert distant.key != lamp.key
+    assert distant.key != directional((0.0, 0.8, 0.6), 1.0).key
+    assert distant.key != directional((0.0, 0.6, 0.8), 2.0).key
+    assert lamp.key != point((0.0, 0.6, 0.9), 1.0).key
+    assert lamp.key != point((0.0, 0.6, 0.8), 2.0).key
