@@ -13,7 +13,8 @@ from matest.errors import InputError
 if TYPE_CHECKING:
     from matest import brdf, losses
     from matest.capture import Capture, load_capture
-    from matest.estimation.estimate import estimate, predict
+    from matest.estimation.estimate import estimate
+    from matest.estimation.prediction import predict
     from matest.estimation.result import Estimate, load_material
     from matest.identifiability import check, load_plan
     from matest.scene import Scene
@@ -36,7 +37,7 @@ _HOME = {
     "load_material": "matest.estimation.result",
     "load_plan": "matest.identifiability",
     "load_scene": "matest.simulate",
-    "predict": "matest.estimation.estimate",
+    "predict": "matest.estimation.prediction",
     "render": "matest.shading",
     "shade": "matest.shading",
 }

@@ -32,6 +32,12 @@ def test_the_names_survive_importing_the_modules() -> None:
     assert callable(matest.predict)
 
 
+def test_samples_are_no_capture() -> None:
+    samples = matest.load_capture(VASE).samples()
+    with pytest.raises(TypeError, match=r"fit .* and judge"):
+        matest.estimate(samples)
+
+
 def test_the_documented_session_and_training_loop_work() -> None:
     capture = matest.load_capture(VASE)
     estimate = matest.estimate(capture, model="oren-nayar")

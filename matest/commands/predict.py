@@ -27,7 +27,7 @@ def predict(
     (default: RESULT-predict-<capture name>).
     """
     from matest.batch import capture_name
-    from matest.estimation.estimate import prediction_errors
+    from matest.estimation.prediction import prediction_errors
     from matest.estimation.result import load_material, material_is_relative
     from matest.report.folder import check_destination, write_prediction
 

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from matest.estimation.estimate import worth_freeing
+from matest.estimation.freeing import worth_freeing
 from matest.estimation.specification import Specification, freed
 from matest.estimators import Problem, accumulate
 from matest.identifiability.plan import photographed

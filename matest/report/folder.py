@@ -16,7 +16,7 @@ from pathlib import Path
 from matest.brdf import Brdf
 from matest.capture import Capture
 from matest.errors import InputError
-from matest.estimation.estimate import PredictionErrors
+from matest.estimation.prediction import PredictionErrors
 from matest.estimation.result import Estimate
 from matest.progress import Progress, silent
 from matest.report.page import page

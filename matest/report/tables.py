@@ -11,7 +11,7 @@ from rich.text import Text
 
 from matest.brdf import Brdf
 from matest.brdf.presets import Preset
-from matest.estimation.estimate import PredictionErrors
+from matest.estimation.prediction import PredictionErrors
 from matest.estimation.result import Estimate
 from matest.parameters import options_of, parameters_of
 from matest.profiles import Comparison

@@ -10,7 +10,7 @@ import pytest
 import matest
 from matest.brdf import Brdf, CookTorrance, OrenNayar
 from matest.capture import Capture
-from matest.estimation.estimate import prediction_errors
+from matest.estimation.prediction import prediction_errors
 from matest.photographs.photometry import Encoding
 from matest.shading import render
 from tests.captures import changed

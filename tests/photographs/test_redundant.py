@@ -13,7 +13,8 @@ import pytest
 from matest import load_capture
 from matest.brdf import OrenNayar
 from matest.capture import Capture
-from matest.estimation.estimate import estimate, predict
+from matest.estimation.estimate import estimate
+from matest.estimation.prediction import predict
 from matest.photographs.photographs import Photographs
 from matest.photographs.redundant import redundancy, without_copies
 from matest.samples.redundancy import Redundancy

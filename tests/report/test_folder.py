@@ -11,7 +11,7 @@ import pytest
 
 from matest.brdf import OrenNayar
 from matest.capture import Capture
-from matest.estimation.estimate import PredictionErrors
+from matest.estimation.prediction import PredictionErrors
 from matest.photographs.images import read_image
 from matest.report import folder as folders
 from matest.report.folder import check_destination, whole_folder, write_prediction, write_result
