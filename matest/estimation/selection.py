@@ -31,20 +31,23 @@ CANDIDATES = (
     "oren-nayar+torrance-sparrow",
     "oren-nayar+cook-torrance",
 )
+# Samples that candidates are compared on: enough to tell them apart by one per cent of the error.
 _SAMPLES = 8_000
+# Times that a candidate is fitted, each without another share of the parts.
 _FOLDS = 4
-# Fewer images than this: parts of images are left out instead.
+# Fewer images than this: bands of images are left out instead.
 _MIN_IMAGES = 3
+# Horizontal bands of an image, so that one image gives every fold a part.
 _BANDS = 4
 # Standard errors over the parts by which a bigger model has to be better, so that it is not by chance.
 _STANDARD_ERRORS = 2.0
 # Share of the error by which it has to be better in any case.
 _LEAST_GAIN = 0.01
-# Mean squared error of single values, in units of the noise, below which a model holds: it then replaces one that does
-# not.
+# Mean squared error of single values, in units of the noise. A model with a smaller one holds, and replaces one that
+# does not.
 _HOLDS = 1.1
-# Largest squared error of a single value there, in units of the noise: outliers count no more.
-_WILD = 16.0
+# Largest squared error of a single value in that mean, in units of the noise: outliers count no more.
+_LARGEST_SQUARE = 16.0
 # Squared relative errors below this are rounding.
 _LEAST_ERROR = 1e-12
 
@@ -56,7 +59,7 @@ class _Trial:
     Attributes:
         expression: of the model.
         errors: squared error of every part when it was left out, relative to its signal.
-        misfit: the same in units of the noise, all parts together; single values count no more than `_WILD`.
+        misfit: the same in units of the noise, all parts together; single values count no more than `_LARGEST_SQUARE`.
         by_chance: standard deviation of that where the model holds.
         relative_rmse: error of all parts when they were left out, every usable value counting alike.
     """
@@ -85,45 +88,63 @@ def select(samples: Samples, options: Options, progress: Progress = silent) -> t
     Raises:
         InputError: no candidate has the constrained parameters.
     """
+    problems = _problems(samples, options)
     pilot = samples.pilot(_SAMPLES, options.seed)
     parts, even = _parts(pilot), _parts(_even(samples, pilot, options.seed))
-    problems: dict[str, Problem] = {}
-    for expression in CANDIDATES:
-        # A candidate that the constraints do not fit is not tried.
-        with contextlib.suppress(InputError):
-            found = specify(expression, options, channels=samples.channels, relative=samples.relative, scene=samples)
-            problems[expression] = found.problem
-    if not problems:
-        names = ", ".join([*options.fix, *options.free, *options.tie])
-        raise InputError(f"no model that 'auto' tries fits what was said of {names}: name the model with --model.")
-    trials, verdicts = [], {}
+    unit = "image" if len(parts) == samples.groups.images else "band"
+    candidates: list[Candidate] = []
     best: _Trial | None = None
     for expression, problem in problems.items():
         progress(f"trying {expression}")
-        errors, squares, sums = np.empty(len(parts)), [], np.zeros(2)
-        for fold in range(min(_FOLDS, len(parts))):
-            left = range(fold, len(parts), _FOLDS)
-            solution = fit_batches(problem, [part for k, part in enumerate(parts) if k not in left])
-            for k in left:
-                radiance = predict_radiance(solution.problem, solution.unknowns, parts[k])
-                errors[k] = _error(radiance, parts[k])
-                squares.append(_in_noise(radiance, parts[k]))
-                all_alike = predict_radiance(solution.problem, solution.unknowns, even[k])
-                sums += squared_errors(all_alike, even[k].radiance, even[k].noise)
-        met = torch.cat(squares)
-        relative_rmse = math.sqrt(sums[0] / sums[1]) if sums[1] > 0 else 0.0
-        trial = _Trial(expression, errors, float(met.mean()), math.sqrt(2 / max(met.numel(), 1)), relative_rmse)
-        wins, verdicts[expression] = _verdict(trial, best)
-        trials.append(trial)
+        trial = _tried(expression, problem, parts, even)
+        wins, verdict = _verdict(trial, best)
+        candidates.append(Candidate(expression, trial.score, trial.relative_rmse, verdict.format(unit=unit)))
         if wins:
             best = trial
     assert best is not None
-    unit = "image" if len(parts) == samples.groups.images else "band"
-    candidates = [
-        Candidate(one.expression, one.score, one.relative_rmse, verdicts[one.expression].format(unit=unit))
-        for one in trials
-    ]
     return best.expression, candidates
+
+
+def _problems(samples: Samples, options: Options) -> dict[str, Problem]:
+    """The problem of every candidate that has the constrained parameters, by its expression.
+
+    Raises:
+        InputError: none has them.
+    """
+    problems: dict[str, Problem] = {}
+    for expression in CANDIDATES:
+        with contextlib.suppress(InputError):
+            problems[expression] = specify(
+                expression, options, channels=samples.channels, relative=samples.relative, scene=samples
+            ).problem
+    if not problems:
+        names = ", ".join([*options.fix, *options.free, *options.tie])
+        raise InputError(f"no model that 'auto' tries fits what was said of {names}: name the model with --model.")
+    return problems
+
+
+def _tried(expression: str, problem: Problem, parts: Sequence[Batch], even: Sequence[Batch]) -> _Trial:
+    """Predict every part from the parts of the other folds.
+
+    Args:
+        expression: of the candidate.
+        problem: of the candidate.
+        parts: samples that carry most of the information.
+        even: samples of the same parts in which every usable value counts alike.
+    """
+    errors, in_noise, sums = np.empty(len(parts)), [], np.zeros(2)
+    for fold in range(min(_FOLDS, len(parts))):
+        held_out = range(fold, len(parts), _FOLDS)
+        solution = fit_batches(problem, [part for k, part in enumerate(parts) if k not in held_out])
+        for k in held_out:
+            radiance = predict_radiance(solution.problem, solution.unknowns, parts[k])
+            errors[k] = _error(radiance, parts[k])
+            in_noise.append(_in_noise(radiance, parts[k]))
+            even_radiance = predict_radiance(solution.problem, solution.unknowns, even[k])
+            sums += squared_errors(even_radiance, even[k].radiance, even[k].noise)
+    squares = torch.cat(in_noise)
+    relative_rmse = math.sqrt(sums[0] / sums[1]) if sums[1] > 0 else 0.0
+    return _Trial(expression, errors, float(squares.mean()), math.sqrt(2 / max(squares.numel(), 1)), relative_rmse)
 
 
 def _even(samples: Samples, pilot: Sequence[Batch], seed: int) -> list[Batch]:
@@ -159,7 +180,7 @@ def _error(predicted: Tensor, batch: Batch) -> float:
 
 def _in_noise(predicted: Tensor, batch: Batch) -> Tensor:
     """Squared errors of single values in units of the noise, those of saturated ones left out."""
-    squares = ((batch.radiance - predicted).square() / batch.variance(predicted)).clamp(max=_WILD)
+    squares = ((batch.radiance - predicted).square() / batch.variance(predicted)).clamp(max=_LARGEST_SQUARE)
     clipped = batch.noise.clipped
     return (squares if clipped is None else squares[clipped == 0]).flatten()
 
