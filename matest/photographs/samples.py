@@ -25,6 +25,10 @@ class PhotographSamples(LitPixels):
     `LitPixels` says which pixels are left out, and counted in `skipped`.
     """
 
+    def __repr__(self) -> str:
+        values = len(self) * self.channels
+        return f"PhotographSamples({values} values, {self.channels} channels, {len(self.images)} photographs)"
+
     @property
     def channels(self) -> int:
         """Channels of the radiance."""

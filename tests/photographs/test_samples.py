@@ -309,3 +309,10 @@ def test_samples_have_the_precision_asked_for(dtype):
     batch = next(iter(photograph(sphere_scene()).samples(dtype=dtype).tiles()))[0]().batch
     tensors = (batch.radiance, batch.points.wi, batch.points.wo, batch.points.irradiance, *batch.noise.readout)
     assert {tensor.dtype for tensor in tensors} == {dtype}
+
+
+def test_samples_show_how_many_photographs_values_and_channels_they_are() -> None:
+    samples = photograph(sphere_scene()).samples()
+    values = len(samples) * 3
+    assert repr(samples) == f"PhotographSamples({values} values, 3 channels, 3 photographs)"
+    assert repr(next(samples.batches(10))) == "Batch(30 values, 3 channels)"
