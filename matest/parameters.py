@@ -16,7 +16,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-# Key of the declaration in the metadata of a dataclass field.
+# Key of a declaration in the metadata of its dataclass field: it names this package.
 _KEY = "matest"
 
 
@@ -41,7 +41,7 @@ class Domain:
         return Domain(self.lower, math.inf)
 
     def physical(self, unconstrained: Tensor) -> Tensor:
-        """The map from the real line onto the interior of the domain (logistic, or softplus on a half-line)."""
+        """Map real numbers into the interior of the domain: by the logistic function, or by softplus on a half-line."""
         if math.isinf(self.upper):
             return self.lower + torch.nn.functional.softplus(unconstrained)
         return self.lower + self.width * torch.sigmoid(unconstrained)
@@ -112,9 +112,9 @@ class Parameter:
 
     def under(self, options: Mapping[str, str]) -> Parameter | None:
         """The declaration under a model's options; None where the parameter does not exist."""
-        if not met(self.when, options):
+        if not fulfil(options, self.when):
             return None
-        changes = [change for conditions, change in self.variants if met(conditions, options)]
+        changes = [change for conditions, change in self.variants if fulfil(options, conditions)]
         return dataclasses.replace(self, **{name: value for change in changes for name, value in change.items()})
 
 
@@ -165,8 +165,8 @@ class Derived:
         return {name: float(slope) for name, slope in zip(leaves, slopes, strict=True) if slope is not None}
 
 
-def met(conditions: Mapping[str, tuple[str, ...]], options: Mapping[str, str]) -> bool:
-    """Whether the options of a model have the values that conditions ask for."""
+def fulfil(options: Mapping[str, str], conditions: Mapping[str, tuple[str, ...]]) -> bool:
+    """Whether the options of a model have the values that the conditions ask for."""
     return all(options[name] in values for name, values in conditions.items())
 
 
@@ -182,19 +182,14 @@ def option(default: str, *, choices: tuple[str, ...], doc: str) -> Any:
 
 def parameters_of(model: type) -> dict[str, Parameter]:
     """Declared parameters of a model class, in order of declaration."""
-    return _parameters_of(model)
+    return _declarations(model, Parameter)
 
 
 def options_of(model: type) -> dict[str, tuple[str, ...]]:
     """Options of a model class and their choices."""
-    return _options_of(model)
+    return _declarations(model, tuple)
 
 
 @cache
-def _parameters_of(model: type) -> dict[str, Parameter]:
-    return {f.name: f.metadata[_KEY] for f in dataclasses.fields(model) if isinstance(f.metadata.get(_KEY), Parameter)}
-
-
-@cache
-def _options_of(model: type) -> dict[str, tuple[str, ...]]:
-    return {f.name: f.metadata[_KEY] for f in dataclasses.fields(model) if isinstance(f.metadata.get(_KEY), tuple)}
+def _declarations(model: type, kind: type) -> dict[str, Any]:
+    return {f.name: f.metadata[_KEY] for f in dataclasses.fields(model) if isinstance(f.metadata.get(_KEY), kind)}
