@@ -20,10 +20,7 @@ from matest.scene import Surface
 
 
 class PhotographSamples(LitPixels):
-    """Samples of some photographs: every usable pixel of each.
-
-    `LitPixels` says which pixels are left out, and counted in `skipped`.
-    """
+    """Samples of some photographs: every usable pixel of each, as `LitPixels` chooses them."""
 
     def __repr__(self) -> str:
         values = len(self) * self.channels
@@ -36,7 +33,7 @@ class PhotographSamples(LitPixels):
 
     @property
     def relative(self) -> bool:
-        """Whether the strength of the lights is known up to one common factor only."""
+        """Whether the strengths of the lights have one unknown factor in common."""
         return self.photographs.relative
 
     @property
@@ -55,7 +52,7 @@ class PhotographSamples(LitPixels):
 
     @cached_property
     def account(self) -> Account:
-        """What to tell people of these samples."""
+        """Facts about these samples for tables and reports."""
         photographs, scene = self.photographs, self.photographs.scene
         sky = bool((scene.ambient > 0).any())
         noise = photographs.noise
@@ -92,7 +89,7 @@ class PhotographSamples(LitPixels):
             size: samples per batch; the last one may be smaller.
             shuffle: mix images and pixels.
             seed: of the permutation.
-            skip: number of batches at the beginning to leave out, for a loop that goes on where it stopped.
+            skip: number of first batches to leave out, for a loop that was interrupted after so many.
         """
         starts = np.cumsum([0, *self.counts])
         order = np.arange(starts[-1])
