@@ -78,7 +78,7 @@ class Role(Enum):
     YARDSTICK = "held at a value that nothing depends on: only ratios to it have an effect"
 
 
-# Roles of the parameters that light and camera give, and the part of a capture that should state them.
+# Roles of parameters that a capture states, and the part of the capture that does.
 OPTICS = {Role.WAVELENGTH: "[camera]", Role.SOLID_ANGLE: "the lights"}
 
 
@@ -90,13 +90,13 @@ class Parameter:
         domain: closed interval of the physical values.
         unit: "1", "rad", "µm".
         doc: what it is, in the field's words.
-        per_channel: an estimate gives every colour channel its own value, as for an albedo.
+        per_channel: whether an estimate gives every colour channel its own value, as for an albedo.
         held: value at which an estimate holds it unless the capture determines it (None: always estimated).
-        role: what it means to an estimate beside that.
-        log: varies over decades, so it is searched on a logarithmic grid.
-        when: options of the model with the values under which the parameter exists.
-        variants: options of the model with values, and the attributes that differ under them.
-        periodic: the ends of the domain are the same value.
+        role: a further meaning that estimates must know.
+        log: whether it varies over decades, so that the search has a logarithmic grid.
+        when: options of the model, with the values under which the parameter exists.
+        variants: options of the model with values, and attributes that are different under them.
+        periodic: whether the two ends of the domain are the same value.
     """
 
     domain: Domain
@@ -129,8 +129,8 @@ class Derived:
         unit: "1", "rad", "µm".
         doc: what it is.
         value: computes it from the values of the parameters by name.
-        sets: the parameter that follows from a given value of the quantity and the other parameters.
-        inverse: computes that parameter from the value of the quantity and those of the other parameters.
+        sets: the parameter that a value of the quantity sets, given the other parameters.
+        inverse: computes that parameter from the quantity and the other parameters.
         when: options of the model with the values under which it exists.
     """
 

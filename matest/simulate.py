@@ -32,7 +32,7 @@ from matest.shading import render_image
 
 # Level of the brightest pixel of integer images without a scale, fraction of full scale: noise does not saturate it.
 _PEAK_LEVEL = 0.9
-# Most rays per pixel and axis: 256 rays a pixel, beyond which nothing is seen to change.
+# Most rays per pixel and axis: 256 rays resolve the coverage of a pixel to one step of 8 bits.
 _MAX_SUPERSAMPLING = 16
 # Type of pixels by their bits, the better ones first; None: floats.
 _DTYPES = {16: np.uint16, 8: np.uint8, None: np.float32}
