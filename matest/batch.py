@@ -20,7 +20,7 @@ from matest.report.folder import write_result
 
 @dataclass(frozen=True)
 class Job:
-    """One capture to estimate; it carries all that another process needs.
+    """One capture to estimate, as another process can receive it.
 
     Attributes:
         capture: folder or file.
@@ -43,8 +43,8 @@ class Outcome:
 
     Attributes:
         job: that was run.
-        estimate: as it was written; None where the capture cannot be used.
-        error: why it cannot, in one sentence; empty where there is an estimate.
+        estimate: the same as in the result folder; None where the capture cannot be used.
+        error: why it cannot be used, in one sentence; empty where there is an estimate.
     """
 
     job: Job
@@ -103,7 +103,7 @@ def run(job: Job, progress: Progress = silent) -> Outcome:
 
 
 def capture_name(capture: Path) -> str:
-    """The name of a capture: that of its folder, also where a file is given."""
+    """The name of a capture: that of its folder, even if `capture` is the file in it."""
     return os.path.basename(os.path.abspath(_folder(capture)))
 
 

@@ -1,7 +1,7 @@
-"""Directions to the light and to the viewer in the local frame, and what follows from them.
+"""Directions to the light and to the viewer in the local frame, and the angles between them.
 
 Local frame: z is the surface normal, x the tangent, y the bitangent (right-handed). Both directions point away from
-the surface. Quantities are computed when first asked for and then kept, so that the terms of a sum share them.
+the surface. Each quantity is computed once, at its first use, and the terms of a sum share it.
 """
 
 from __future__ import annotations
@@ -11,14 +11,15 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
-# sin² below this counts as this: keeps two derivatives of the square root, and of its inverse, finite in float32.
+# Smallest sin²: two derivatives of its square root, and of the inverse of that, stay finite in float32.
 _SIN2_FLOOR = 1e-16
-# Squared lengths below this count as this in the half azimuth, for the same reason.
+# Smallest squared length in the half azimuth, for the same reason.
 _HALF_AZIMUTH_FLOOR = 1e-12
-# The height of L + V is at least this where they graze from opposite sides, for the same reason.
+# Smallest height of L + V, which graze from opposite sides there, for the same reason.
 _HALF_Z_FLOOR = 1e-5
-# atan²(x) = Σ (−1)^(n−1) (1 + 1/3 + … + 1/(2n−1)) x^(2n)/n: exact in float64 with six terms below x² = this.
+# Largest x² of the series of atan²(x): with six terms it is exact in float64 up to there.
 _ATAN2_SMALL = 1e-3
+# Its coefficients: atan²(x) = Σ (−1)^(n−1) (1 + 1/3 + … + 1/(2n−1)) x^(2n)/n.
 _ATAN2_SERIES = [(-1) ** (n - 1) * sum(1 / (2 * k + 1) for k in range(n)) / n for n in range(1, 7)]
 
 
@@ -161,7 +162,7 @@ class Directions:
     @cached_property
     def half_z(self) -> Tensor:
         """cos θi + cos θr, the height of L + V."""
-        # Floored here and nowhere else, so that cosine and tangent of α agree when L and V graze from opposite sides.
+        # Only this height has a floor, so that cosine and tangent of α agree when L and V graze from opposite sides.
         return (self.cos_i + self.cos_o).clamp(min=_HALF_Z_FLOOR)
 
     @cached_property
@@ -174,8 +175,8 @@ class Directions:
 def above_horizon(wi: Tensor, wo: Tensor) -> tuple[Directions, Tensor]:
     """Directions safe to evaluate, and the mask [..., 1] of pairs with both ends above the horizon.
 
-    Pairs below the horizon are replaced by the normal *before* any arithmetic, so that the values thrown away
-    afterwards have finite derivatives.
+    Pairs below the horizon are replaced by the normal *before* any arithmetic: their values are not used, but their
+    derivatives must be finite.
     """
     directions = Directions(wi, wo)
     above = (directions.cos_i > 0) & (directions.cos_o > 0)
@@ -198,7 +199,7 @@ def to_local(normal: Tensor, *vectors: Tensor) -> list[Tensor]:
     # The axis along the tangent is x or y: its component of the normal, and 1/sin of the angle between them.
     along = torch.where(near_x, ny, nx)
     scale = (1 - along * along).rsqrt()
-    out = []
+    components = []
     for vector in vectors:
         vx, vy, vz = vector.unbind(-1)
         z = nx * vx + ny * vy + nz * vz
@@ -206,8 +207,8 @@ def to_local(normal: Tensor, *vectors: Tensor) -> list[Tensor]:
         # The bitangent is normal × axis, to that scale.
         y = torch.where(near_x, nx * vz - nz * vx, nz * vy - ny * vz) * scale
         # Each component is an array of its own, which is faster to read than one column of three.
-        out.append(torch.stack([x, y, z]).movedim(0, -1))
-    return out
+        components.append(torch.stack([x, y, z]).movedim(0, -1))
+    return components
 
 
 def _sine(vector: tuple[Tensor, ...]) -> Tensor:

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+
+# Whether something is wrong, and the sentence that says so.
+Fault = tuple[bool, str]
 
 WORK_FAILED = 1  # the input is good, but could not be worked on: a full disk, an interruption, a figure out of bounds
 BAD_INPUT = 2  # as for a command line that cannot be read
@@ -16,10 +20,24 @@ class InputError(ValueError):
     """
 
 
-def nearest(word: str, known: Iterable[str]) -> str:
-    """A clause naming the known word nearest to `word`, or all of them if none is near."""
-    known = list(known)
-    close = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
-    if close:
-        return f"did you mean '{close[0]}'?"
-    return f"known are {', '.join(known)}."
+def refuse(label: object, faults: Iterable[Fault]) -> None:
+    """Raise an InputError about `label` for the first of some possible faults that is there."""
+    for wrong, sentence in faults:
+        if wrong:
+            raise InputError(f"{label}: {sentence}")
+
+
+@contextmanager
+def errors_of(label: object) -> Iterator[None]:
+    """Put `label` in front of the sentence of an InputError that is raised inside."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{label}: {error}") from None
+
+
+def nearest(word: str, names: Iterable[str]) -> str:
+    """A clause with the one of `names` that is nearest to `word`, or with all of them if none is near."""
+    names = list(names)
+    close = difflib.get_close_matches(word, names, n=1, cutoff=0.6)
+    return f"did you mean '{close[0]}'?" if close else f"known are {', '.join(names)}."

@@ -23,8 +23,8 @@ def photometric(rendered: Tensor, measured: Tensor, weight: Tensor | None = None
 def likelihood(rendered: Tensor, batch: Batch, *, degrees_of_freedom: float | None = None) -> Tensor:
     """Mean negative log-likelihood of a batch under its camera's noise (Gaussian, variance = read² + gain·signal).
 
-    The signal in the variance is the rendered one. A value clipped at either end of the sensor's range counts with the
-    probability of being clipped. Constants are left out.
+    The variance is that of the rendered signal. A value that the sensor clips counts with the probability that it does.
+    Terms that do not depend on the rendered radiance are left out.
 
     Args:
         rendered: radiance [n, 1 or C].

@@ -16,7 +16,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-# Key of the declaration in the metadata of a dataclass field.
+# Key of a declaration in the metadata of its dataclass field: it names this package.
 _KEY = "matest"
 
 
@@ -41,7 +41,7 @@ class Domain:
         return Domain(self.lower, math.inf)
 
     def physical(self, unconstrained: Tensor) -> Tensor:
-        """The map from the real line onto the interior of the domain (logistic, or softplus on a half-line)."""
+        """Map real numbers into the interior of the domain: by the logistic function, or by softplus on a half-line."""
         if math.isinf(self.upper):
             return self.lower + torch.nn.functional.softplus(unconstrained)
         return self.lower + self.width * torch.sigmoid(unconstrained)
@@ -78,7 +78,7 @@ class Role(Enum):
     YARDSTICK = "held at a value that nothing depends on: only ratios to it have an effect"
 
 
-# Roles of the parameters that light and camera give, and the part of a capture that should state them.
+# Roles of parameters that a capture states, and the part of the capture that does.
 OPTICS = {Role.WAVELENGTH: "[camera]", Role.SOLID_ANGLE: "the lights"}
 
 
@@ -90,13 +90,13 @@ class Parameter:
         domain: closed interval of the physical values.
         unit: "1", "rad", "µm".
         doc: what it is, in the field's words.
-        per_channel: an estimate gives every colour channel its own value, as for an albedo.
+        per_channel: whether an estimate gives every colour channel its own value, as for an albedo.
         held: value at which an estimate holds it unless the capture determines it (None: always estimated).
-        role: what it means to an estimate beside that.
-        log: varies over decades, so it is searched on a logarithmic grid.
-        when: options of the model with the values under which the parameter exists.
-        variants: options of the model with values, and the attributes that differ under them.
-        periodic: the ends of the domain are the same value.
+        role: a further meaning that estimates must know.
+        log: whether it varies over decades, so that the search has a logarithmic grid.
+        when: options of the model, with the values under which the parameter exists.
+        variants: options of the model with values, and attributes that are different under them.
+        periodic: whether the two ends of the domain are the same value.
     """
 
     domain: Domain
@@ -112,9 +112,9 @@ class Parameter:
 
     def under(self, options: Mapping[str, str]) -> Parameter | None:
         """The declaration under a model's options; None where the parameter does not exist."""
-        if not met(self.when, options):
+        if not fulfil(options, self.when):
             return None
-        changes = [change for conditions, change in self.variants if met(conditions, options)]
+        changes = [change for conditions, change in self.variants if fulfil(options, conditions)]
         return dataclasses.replace(self, **{name: value for change in changes for name, value in change.items()})
 
 
@@ -129,8 +129,8 @@ class Derived:
         unit: "1", "rad", "µm".
         doc: what it is.
         value: computes it from the values of the parameters by name.
-        sets: the parameter that follows from a given value of the quantity and the other parameters.
-        inverse: computes that parameter from the value of the quantity and those of the other parameters.
+        sets: the parameter that a value of the quantity sets, given the other parameters.
+        inverse: computes that parameter from the quantity and the other parameters.
         when: options of the model with the values under which it exists.
     """
 
@@ -165,8 +165,8 @@ class Derived:
         return {name: float(slope) for name, slope in zip(leaves, slopes, strict=True) if slope is not None}
 
 
-def met(conditions: Mapping[str, tuple[str, ...]], options: Mapping[str, str]) -> bool:
-    """Whether the options of a model have the values that conditions ask for."""
+def fulfil(options: Mapping[str, str], conditions: Mapping[str, tuple[str, ...]]) -> bool:
+    """Whether the options of a model have the values that the conditions ask for."""
     return all(options[name] in values for name, values in conditions.items())
 
 
@@ -182,19 +182,14 @@ def option(default: str, *, choices: tuple[str, ...], doc: str) -> Any:
 
 def parameters_of(model: type) -> dict[str, Parameter]:
     """Declared parameters of a model class, in order of declaration."""
-    return _parameters_of(model)
+    return _declarations(model, Parameter)
 
 
 def options_of(model: type) -> dict[str, tuple[str, ...]]:
     """Options of a model class and their choices."""
-    return _options_of(model)
+    return _declarations(model, tuple)
 
 
 @cache
-def _parameters_of(model: type) -> dict[str, Parameter]:
-    return {f.name: f.metadata[_KEY] for f in dataclasses.fields(model) if isinstance(f.metadata.get(_KEY), Parameter)}
-
-
-@cache
-def _options_of(model: type) -> dict[str, tuple[str, ...]]:
-    return {f.name: f.metadata[_KEY] for f in dataclasses.fields(model) if isinstance(f.metadata.get(_KEY), tuple)}
+def _declarations(model: type, kind: type) -> dict[str, Any]:
+    return {f.name: f.metadata[_KEY] for f in dataclasses.fields(model) if isinstance(f.metadata.get(_KEY), kind)}

@@ -47,7 +47,7 @@ def cross_section(image: np.ndarray, line: Line) -> np.ndarray:
 
 
 def compare(images: list[np.ndarray], names: list[str], line: Line) -> Comparison:
-    """Profiles of images along a line, and how far each is from the first.
+    """Profiles of images along a line, and the differences from the first.
 
     Raises:
         InputError: images of different sizes, or a line that leaves them.

@@ -15,13 +15,13 @@ from matest.directions import Directions, above_horizon
 from matest.errors import InputError
 from matest.scene import Points, Scene
 
-# Cosines at which the reflectance under an even sky is tabulated: linear interpolation is exact to 1e-3.
+# Cosines of the table of reflectance under an even sky: linear interpolation between them is exact to 1e-3.
 _NODES = 33
 # Gauss-Legendre nodes over the polar angle (0 to π/2): exact to 1e-3 for lobes of rms slope 0.03 and more.
 _POLAR = 64
 # Gauss-Legendre nodes over the azimuth (0 to π), likewise.
 _AZIMUTH = 64
-# Pixels shaded at once: single precision RGB of one light takes 0.8 MB.
+# Pixels that are shaded at once: single precision RGB of one light takes 0.8 MB.
 _TILE = 1 << 16
 
 
@@ -34,11 +34,10 @@ def shade(brdf: Brdf, points: Points) -> Tensor:
     Raises:
         InputError: ambient light on a model whose lobes differ from point to point.
     """
-    gathered = gathered_light(points)
     # Parameters per point get an axis for the lights.
-    spread = {name: value.unsqueeze(-2) for name, value in brdf.parameters.items() if value.ndim > 1}
-    values = brdf.replace(spread)(points.wi, points.wo[..., None, :])
-    radiance = (values * gathered).sum(-2)
+    per_point = {name: value.unsqueeze(-2) for name, value in brdf.parameters.items() if value.ndim > 1}
+    values = brdf.replace(per_point)(points.wi, points.wo[..., None, :])
+    radiance = (values * gathered_light(points)).sum(-2)
     if points.ambient is not None:
         radiance = radiance + points.ambient * reflectance(brdf, points.wo[..., 2:])
     return radiance
@@ -52,7 +51,7 @@ def gathered_light(points: Points) -> Tensor:
 def lit_directions(points: Points) -> Directions:
     """Directions [..., L, 1] of every point and light, safe below the horizon."""
     wi, wo = points.wi, points.wo[..., None, :]
-    # Seen and lit pixels are above it: nothing to make safe.
+    # Photographs rarely have a pixel below it: the check is cheaper than to make every pixel safe.
     if bool((wi[..., 2] > 0).all()) and bool((wo[..., 2] > 0).all()):
         return Directions(wi, wo)
     return above_horizon(wi, wo)[0]
@@ -116,11 +115,11 @@ def reflectance(brdf: Brdf, cos_o: Tensor) -> Tensor:
 
 
 def sky_light(points: Points, tables: Callable[[], Sequence[Tensor]]) -> Tensor | None:
-    """What an even sky makes of K shapes at n points [K, n, C] (or [K, S, n, C]); None where there is no sky.
+    """Radiance of K shapes at n points under an even sky, [K, n, C] (or [K, S, n, C]); None where there is no sky.
 
     Args:
         points: with their ambient radiance.
-        tables: gives each shape as `sky_terms` integrate it over the sky, [33, 1 or C], or S of these [S, 33, 1 or C].
+        tables: returns the integral of each shape over the sky by `sky_terms`, [33, 1 or C], or S of these.
     """
     if points.ambient is None:
         return None
@@ -137,7 +136,7 @@ def check_sky(brdf: Brdf) -> None:
 
 
 class SkyNodes:
-    """Quadrature of the upper hemisphere for each tabulated viewing cosine."""
+    """Nodes and weights of an integral over the upper hemisphere, for each viewing cosine of the table."""
 
     def __init__(self, dtype: torch.dtype, device: torch.device) -> None:
         x, wx = np.polynomial.legendre.leggauss(_POLAR)
@@ -158,7 +157,7 @@ class SkyNodes:
 
 @lru_cache(maxsize=4)
 def sky_nodes(dtype: torch.dtype, device: torch.device) -> SkyNodes:
-    # Made outside inference mode: what is cached must serve calls that differentiate.
+    # Made outside inference mode: later calls may differentiate through the cached tensors.
     with torch.inference_mode(False):
         return SkyNodes(dtype, device)
 

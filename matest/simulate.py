@@ -6,6 +6,7 @@ import math
 import os
 import re
 import shutil
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from matest.brdf import Brdf, model, preset
 from matest.capture import schema
 from matest.capture.assembly import ImageFormat, Setup, realise
 from matest.capture.description import Description, describe, image_channels, image_shape
-from matest.errors import InputError
+from matest.errors import Fault, InputError, errors_of, refuse
 from matest.estimation.specification import optics, resolve
 from matest.photographs.images import write_image
 from matest.photographs.noise import Noise
@@ -29,19 +30,32 @@ from matest.progress import Progress, silent
 from matest.scene import Scene
 from matest.shading import render_image
 
-# Share of full scale of the brightest pixel of integer images whose scale is not given: noise does not saturate it.
-_EXPOSED = 0.9
-# Type of pixels by their bits; None: floats.
-_DTYPES = {8: np.uint8, 16: np.uint16, None: np.float32}
+# Level of the brightest pixel of integer images without a scale, fraction of full scale: noise does not saturate it.
+_PEAK_LEVEL = 0.9
+# Most rays per pixel and axis: 256 rays resolve the coverage of a pixel to one step of 8 bits.
+_MAX_SUPERSAMPLING = 16
+# Type of pixels by their bits, the better ones first; None: floats.
+_DTYPES = {16: np.uint16, 8: np.uint8, None: np.float32}
+# Bits that each format of images can hold.
+_BITS: dict[str, tuple[int | None, ...]] = {
+    ".exr": (None,),
+    ".npy": (None,),
+    ".png": (16, 8),
+    ".tif": (16, 8),
+    ".tiff": (16, 8),
+}
+# Keys of [camera] that only a scene has.
+_SCENE_KEYS = ("resolution", "supersampling")
+# First line of the capture files that are written here: only such a file is written over.
 _HEADER = "# A simulated capture, written by 'matest render' from {scene}; rendering again replaces it.\n"
 
 
 @dataclass(frozen=True)
 class SimulatedScene:
-    """A scene file, read and checked, and what it says realised.
+    """A scene file and the geometry, light and material that it describes.
 
     Attributes:
-        description: what stands in the file.
+        description: content of the file.
         images: format of the images that it is rendered to.
         material: the model.
         setup: geometry and lights at the images' resolution times the supersampling, and the camera.
@@ -56,7 +70,7 @@ class SimulatedScene:
 
     @property
     def file(self) -> Path:
-        """Where it was read from."""
+        """Path of the file."""
         return self.description.file
 
     @property
@@ -81,16 +95,14 @@ def load_scene(path: str | Path) -> SimulatedScene:
     material = material_of(tables.material, str(file))
     images = scene_format(description, material)
     supersampling = tables.camera.supersampling if tables.camera else 1
-    if not 1 <= supersampling <= 16 or (supersampling > 1 and tables.geometry.normals):
+    if not 1 <= supersampling <= _MAX_SUPERSAMPLING or (supersampling > 1 and tables.geometry.normals):
         raise InputError(f"{file}: camera.supersampling must be 1 to 16, and 1 with a normal map; got {supersampling}.")
     if tables.encoding.flat is not None or isinstance(tables.encoding.black, str):
         raise InputError(f"{file}: a simulated camera has no flat field or dark frame; use a number for black.")
     transfer = tables.encoding.transfer or "linear"
     setup = realise(description, images, transfer=transfer, supersampling=supersampling)
-    try:
+    with errors_of(file):
         material = material.replace(optics(material, setup.scene))
-    except InputError as error:
-        raise InputError(f"{file}: {error}") from None
     return SimulatedScene(description, images, material, setup, supersampling)
 
 
@@ -98,7 +110,7 @@ def scene_format(description: Description[schema.SceneFile], material: Brdf) -> 
     """The format of the images that a scene of this material is rendered to.
 
     Raises:
-        InputError: colours of neither one nor three values, nothing that says the size, names that hold no such pixels.
+        InputError: colours of neither one nor three values, no size, or file names whose format has not these bits.
     """
     colours = {len(value) for value in material.parameters.values() if value.ndim}
     channels = image_channels(description, colours)
@@ -167,21 +179,22 @@ def material_of(table: dict[str, Any], label: str) -> Brdf:
         raise InputError(
             f'{label}: [material] needs model = "NAME" or preset = "NAME"; \'matest models\' lists the names.'
         )
-    try:
+    with errors_of(f"{label}: [material]"):
         if name is not None:
-            known = preset(name, values.pop("f0", None))
+            material = preset(name, values.pop("f0", None))
             if values:
                 raise InputError(f"a preset has parameters of its own; leave out {', '.join(values)}.")
-            return known
+            return material
         brdf, fixed = model(expression)
-        flat: dict[str, Any] = dict(fixed)
+        by_path: dict[str, Any] = dict(fixed)
         for key, value in values.items():
-            parts = value.items() if isinstance(value, dict) else [(None, value)]
-            for inner, number in parts:
-                flat[resolve(brdf, key if inner is None else f"{key}.{inner}")] = number
-        return brdf.replace(flat)
-    except InputError as error:
-        raise InputError(f"{label}: [material]: {error}") from None
+            parts = (
+                {f"{key}.{inner}": number for inner, number in value.items()}
+                if isinstance(value, dict)
+                else {key: value}
+            )
+            by_path |= {resolve(brdf, path): number for path, number in parts.items()}
+        return brdf.replace(by_path)
 
 
 def bits_of(tables: schema.CaptureFile, label: str) -> int | None:
@@ -191,37 +204,33 @@ def bits_of(tables: schema.CaptureFile, label: str) -> int | None:
         InputError: names of formats that cannot be written, that differ, or that hold no such bits.
     """
     files = [image.file for image in tables.image if image.file]
-    suffixes = {Path(file).suffix.lower() for file in files}
-    stated = tables.noise.bits if tables.noise else None
-    known: dict[str, tuple[int | None, ...]] = {
-        ".exr": (None,),
-        ".npy": (None,),
-        ".png": (16, 8),
-        ".tif": (16, 8),
-        ".tiff": (16, 8),
-    }
+    bits = tables.noise.bits if tables.noise else None
+    refuse(label, _name_faults(files))
+    if not files:
+        return bits
+    common = [choice for choice in _DTYPES if all(choice in _BITS[Path(file).suffix.lower()] for file in files)]
+    if bits is None and common:
+        return common[0]
+    if bits not in common:
+        raise InputError(f"{label}: {', '.join(files)} cannot hold noise.bits = {bits}; rename them or change bits.")
+    return bits
+
+
+def _name_faults(files: list[str]) -> Iterator[Fault]:
+    """Names that images of a capture cannot have."""
     for file in files:
-        if Path(file).suffix.lower() not in known:
-            raise InputError(f"{label}: images are written as {', '.join(known)}; got '{file}'. Rename it.")
-        if Path(os.path.normpath(file)).is_absolute() or os.path.normpath(file).startswith(".."):
-            raise InputError(f"{label}: file = '{file}' leads outside the capture's folder; name a file inside it.")
-        if files.count(file) > 1:
-            raise InputError(f"{label}: {files.count(file)} images are called '{file}'; give each a name of its own.")
-    admitted = [bits for bits in (16, 8, None) if all(bits in known[suffix] for suffix in suffixes)]
-    if not suffixes:
-        return stated
-    if stated is None and admitted:
-        return admitted[0]
-    if stated not in admitted:
-        raise InputError(f"{label}: {', '.join(files)} cannot hold noise.bits = {stated}; rename them or change bits.")
-    return stated
+        path, count = Path(os.path.normpath(file)), files.count(file)
+        yield path.suffix.lower() not in _BITS, f"images are written as {', '.join(_BITS)}; got '{file}'. Rename it."
+        outside = path.is_absolute() or str(path).startswith("..")
+        yield outside, f"file = '{file}' leads outside the capture's folder; name a file inside it."
+        yield count > 1, f"{count} images are called '{file}'; give each a name of its own."
 
 
 def _check_outputs(description: Description, folder: Path, names: list[str]) -> None:
     """Refuse to write over anything but an earlier rendering.
 
     Raises:
-        InputError: see there.
+        InputError: a file that is in the way, or that the scene itself refers to.
     """
     target = folder / "capture.toml"
     earlier = target.exists() and target.read_text("utf-8").startswith(_HEADER.split("{")[0])
@@ -235,15 +244,15 @@ def _check_outputs(description: Description, folder: Path, names: list[str]) -> 
 
 
 def _exposed(scene: SimulatedScene) -> Encoding:
-    """The encoding of the images; where integers have no scale, that which exposes the brightest pixel well."""
+    """The encoding of the images; without a stated scale, integers get one that exposes the brightest pixel well."""
     encoding, exposures = scene.setup.encoding, scene.setup.exposures
     if scene.tables.encoding.scale is not None or scene.images.dtype.kind != "u":
         return encoding
     peak = max(float(radiance(scene, k).max()) * exposure for k, exposure in enumerate(exposures))
-    wanted = peak / (_EXPOSED - float(scene.tables.encoding.black)) if peak > 0 else 1.0
+    scale = peak / (_PEAK_LEVEL - float(scene.tables.encoding.black)) if peak > 0 else 1.0
     # Two digits are enough, and leave the file readable.
-    step = 10 ** math.floor(math.log10(wanted)) / 10
-    return replace(encoding, scale=float(f"{math.ceil(wanted / step) * step:.6g}"))
+    step = 10 ** math.floor(math.log10(scale)) / 10
+    return replace(encoding, scale=float(f"{math.ceil(scale / step) * step:.6g}"))
 
 
 def _expose(
@@ -259,9 +268,7 @@ def stored_pixels(pixels: np.ndarray, encoding: Encoding, bits: int | None) -> n
     """Linear fractions of full scale, black included, as an image file holds them: integers, or float32 (None)."""
     if bits is None:
         return (pixels if encoding.transfer == "linear" else encoding.encoded(pixels)).astype(np.float32)
-    full = 2**bits - 1
-    codes = np.round(encoding.encoded(pixels).clip(0, 1) * full)
-    return codes.astype(np.uint8 if bits == 8 else np.uint16)
+    return np.round(encoding.encoded(pixels).clip(0, 1) * (2**bits - 1)).astype(_DTYPES[bits])
 
 
 def _write_geometry(scene: SimulatedScene, folder: Path) -> None:
@@ -281,18 +288,17 @@ def _write_geometry(scene: SimulatedScene, folder: Path) -> None:
 
 
 def _capture_table(tables: schema.SceneFile, encoding: Encoding, names: list[str]) -> dict[str, Any]:
-    """The capture file of a rendered scene: the scene's own tables, and what rendering decided."""
-    out: dict[str, Any] = {"mask": "mask.png", "geometry": _given(tables.geometry)}
+    """The capture file of a rendered scene: the scene's tables, with transfer, scale and file names of its images."""
+    out: dict[str, Any] = {"mask": "mask.png", "geometry": _changes(tables.geometry)}
     if tables.geometry.normals is not None:
         out["geometry"]["normals"] = "normals.exr"
     if tables.camera is not None:
         camera = msgspec.to_builtins(tables.camera)
-        left = ("resolution", "supersampling")
-        out["camera"] = {key: value for key, value in camera.items() if value not in (None, []) and key not in left}
-    out["encoding"] = _given(tables.encoding) | {"transfer": encoding.transfer, "scale": encoding.scale}
+        out["camera"] = {key: v for key, v in camera.items() if v not in (None, []) and key not in _SCENE_KEYS}
+    out["encoding"] = _changes(tables.encoding) | {"transfer": encoding.transfer, "scale": encoding.scale}
     if tables.noise is not None and (tables.noise.read or tables.noise.gain):
         out["noise"] = {"read": tables.noise.read, "gain": tables.noise.gain}
-    out["image"] = [_given(image) | {"file": name} for image, name in zip(tables.image, names, strict=True)]
+    out["image"] = [_changes(image) | {"file": name} for image, name in zip(tables.image, names, strict=True)]
     return out
 
 
@@ -302,12 +308,12 @@ def _toml(content: dict[str, Any]) -> str:
     return re.sub(r"\[\n((?:\s+[-+.\w]+,\n)+)\s*\]", lambda m: f"[{' '.join(m[1].split()).rstrip(',')}]", text)
 
 
-def _given(table: msgspec.Struct) -> dict[str, Any]:
+def _changes(table: msgspec.Struct) -> dict[str, Any]:
     """The keys of a table that differ from their defaults, as plain values."""
     defaults = {f.name: f.default for f in msgspec.structs.fields(table)}
     plain = msgspec.to_builtins(table)
     return {
-        key: [_given(entry) for entry in getattr(table, key)] if key == "lights" else value
+        key: [_changes(entry) for entry in getattr(table, key)] if key == "lights" else value
         for key, value in plain.items()
         if value is not None and value != defaults[key]
     }

@@ -4,11 +4,26 @@ from __future__ import annotations
 
 import pytest
 
-from matest.errors import InputError, nearest
+from matest.errors import InputError, errors_of, nearest, refuse
 
 
 def test_bad_input_is_a_value_error() -> None:
     assert issubclass(InputError, ValueError)
+
+
+def test_the_first_fault_is_refused_and_later_ones_are_not_looked_at() -> None:
+    refuse("a.toml", [(False, "one."), (False, "two.")])
+    faults = iter([(False, "one."), (True, "two."), (True, "three.")])
+    with pytest.raises(InputError, match=r"^a\.toml: two\.$"):
+        refuse("a.toml", faults)
+    assert next(faults) == (True, "three.")
+
+
+def test_bad_input_is_named_by_the_file_that_it_came_from() -> None:
+    with pytest.raises(InputError, match=r"^a\.toml: too large\.$"), errors_of("a.toml"):
+        raise InputError("too large.")
+    with pytest.raises(OSError, match=r"^disk full$"), errors_of("a.toml"):
+        raise OSError("disk full")
 
 
 @pytest.mark.parametrize(("word", "known"), [("oren-nayer", "oren-nayar"), ("lambrt", "lambert"), ("sigme", "sigma")])

@@ -1,4 +1,4 @@
-"""What every reflectance model is: named parameters, and terms that are products of parameters and shapes."""
+"""The base of every reflectance model: named parameters, and terms that are products of parameters and shapes."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from typing import Any, ClassVar
 import torch
 from torch import Tensor
 
-from matest.brdf.structure import Structure, joined, structure_of
+from matest.brdf.structure import Structure, structure_of, structure_of_sum
 from matest.brdf.terms import Term
 from matest.directions import Directions, above_horizon
 from matest.errors import InputError, nearest
-from matest.parameters import Derived, Parameter, Role, met, options_of, parameters_of
+from matest.parameters import Derived, Parameter, Role, fulfil, options_of, parameters_of
 
 Options = tuple[tuple[str, str], ...]
 
@@ -51,12 +51,12 @@ class Brdf:
         for combination, reason in self.excluded:
             if all(getattr(self, name) == value for name, value in combination.items()):
                 raise InputError(f"{self.name}: {reason}")
-        present = self.declared
+        existing = self.declared
         for name, declared in parameters_of(type(self)).items():
             value = getattr(self, name)
-            if name in present:
+            if name in existing:
                 object.__setattr__(self, name, _as_tensor(value, declared, f"{self.name}: {name}"))
-            elif not _same(value, type(self).__dataclass_fields__[name].default):  # type: ignore[attr-defined]
+            elif not _equal(value, type(self).__dataclass_fields__[name].default):  # type: ignore[attr-defined]
                 raise InputError(absent(self, name) or "")
 
     def terms(self, directions: Directions) -> tuple[Term, ...]:
@@ -73,7 +73,7 @@ class Brdf:
     def derived(self) -> dict[str, Derived]:
         """Functions of the parameters under the options, by name (in a sum: by path)."""
         options = dict(_options(self))
-        return {quantity.name: quantity for quantity in self.quantities if met(quantity.when, options)}
+        return {quantity.name: quantity for quantity in self.quantities if fulfil(options, quantity.when)}
 
     @property
     def parameters(self) -> dict[str, Tensor]:
@@ -94,7 +94,7 @@ class Brdf:
     @property
     def expression(self) -> str:
         """The string that names this model and its options, as `--model` takes it."""
-        changed = [
+        words = [
             f"{f.name}={getattr(self, f.name)}"
             for f in dataclasses.fields(self)  # type: ignore[arg-type]
             if f.name in options_of(type(self)) and getattr(self, f.name) != f.default
@@ -103,8 +103,8 @@ class Brdf:
         for name, declared in self.declared.items():
             value = self.parameters[name]
             if declared.role is Role.GAUGE and value.ndim == 0 and not value.requires_grad and float(value) == 0:
-                changed.append(f"{name}=false")
-        return f"{self.name}({','.join(changed)})" if changed else self.name
+                words.append(f"{name}=false")
+        return f"{self.name}({','.join(words)})" if words else self.name
 
     def replace(self, values: Mapping[str, Any]) -> Brdf:
         """The same model with other parameter values, by name or path.
@@ -173,7 +173,7 @@ class Sum(Brdf):
 
     @cached_property
     def structure(self) -> Structure:
-        return joined({name: part.structure for name, part in self._by_name.items()})
+        return structure_of_sum({name: part.structure for name, part in self._by_name.items()})
 
     @property
     def parameters(self) -> dict[str, Tensor]:
@@ -186,13 +186,13 @@ class Sum(Brdf):
         return "+".join(component.expression for component in self.components)
 
     def replace(self, values: Mapping[str, Any]) -> Brdf:
-        inside: dict[str, dict[str, Any]] = {name: {} for name in self._by_name}
+        parts: dict[str, dict[str, Any]] = {name: {} for name in self._by_name}
         for path, value in values.items():
             name, _, key = path.partition(".")
-            if name not in inside:
-                raise InputError(f"no component '{name}' in the model '{self.expression}'; {nearest(name, inside)}")
-            inside[name][key] = value
-        return Sum(tuple(part.replace(inside[name]) for name, part in self._by_name.items()))
+            if name not in parts:
+                raise InputError(f"no component '{name}' in the model '{self.expression}'; {nearest(name, parts)}")
+            parts[name][key] = value
+        return Sum(tuple(part.replace(parts[name]) for name, part in self._by_name.items()))
 
     @property
     def ordered(self) -> Brdf:
@@ -234,7 +234,7 @@ def _as_choice(value: Any) -> Any:
     return str(value) if isinstance(value, int) else value
 
 
-def _same(value: Any, default: float) -> bool:
+def _equal(value: Any, default: float) -> bool:
     return not (isinstance(value, (list, tuple)) or (isinstance(value, Tensor) and value.ndim)) and value == default
 
 

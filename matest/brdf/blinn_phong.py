@@ -12,7 +12,7 @@ from torch import Tensor
 from matest.brdf import declarations
 from matest.brdf.base import Brdf
 from matest.brdf.microfacet import decay
-from matest.brdf.terms import Term
+from matest.brdf.terms import Term, lambertian
 from matest.directions import Directions
 
 
@@ -38,4 +38,4 @@ class BlinnPhong(Brdf):
         scale = (n + 2) * (n + 4) / (8 * math.pi * (torch.exp2(-0.5 * n) + n))
         # (N·H)² = 1/(1 + tan²α): the power keeps its digits near the normal.
         lobe = scale * decay(0.5 * n * torch.log1p(directions.tan2_half))
-        return Term(("diffuse",), torch.full_like(lobe, 1 / math.pi)), Term(("specular",), lobe)
+        return lambertian(("diffuse",), lobe), Term(("specular",), lobe)

@@ -13,7 +13,7 @@ from matest.brdf import declarations
 from matest.brdf.base import Brdf
 from matest.brdf.fresnel import colour_shift_weight, conductor, dielectric, schlick_weight
 from matest.brdf.microfacet import beckmann, gaussian, ggx, smith_beckmann, smith_ggx, v_cavity
-from matest.brdf.terms import Factor, Term, complement_of
+from matest.brdf.terms import Factor, Term, complement_of, lambertian
 from matest.directions import Directions
 from matest.parameters import interval, option, parameter, unit_interval
 
@@ -122,11 +122,11 @@ class CookTorrance(Brdf):
     )
 
     def terms(self, directions: Directions) -> tuple[Term, ...]:
-        body = torch.full_like(directions.cos_i * directions.cos_o, 1 / math.pi)
-        out = [Term((complement_of("specular"), "diffuse") if self.weights == "complementary" else ("diffuse",), body)]
-        for weight, lobe in self._lobes(directions):
+        body = (complement_of("specular"), "diffuse") if self.weights == "complementary" else ("diffuse",)
+        out = [lambertian(body, directions.cos_i * directions.cos_o)]
+        for share, lobe in self._lobes(directions):
             for factors, reflectance in self._reflectances(directions):
-                out.append(Term(("specular", *weight, *factors), lobe * reflectance))
+                out.append(Term(("specular", *share, *factors), lobe * reflectance))
         return tuple(out)
 
     @property
@@ -152,11 +152,12 @@ class CookTorrance(Brdf):
         """Factors and D G / (4 cos θi cos θr) of every lobe."""
         slopes = [self.slope, self.slope_2, self.slope_3][: int(self.lobes)]
         scale = _NORMALISATION[self.normalisation]
-        shared = scale * v_cavity(directions) if self.masking == "v-cavity" else None
-        lobes = []
-        for slope in slopes:
-            masked = scale * _SMITH[self.distribution](directions, slope) if shared is None else shared
-            lobes.append(_DISTRIBUTION[self.distribution](directions, slope) * masked)
+        distribution = _DISTRIBUTION[self.distribution]
+        if self.masking == "v-cavity":
+            masking = [scale * v_cavity(directions)] * len(slopes)
+        else:
+            masking = [scale * _SMITH[self.distribution](directions, slope) for slope in slopes]
+        lobes = [distribution(directions, slope) * factor for slope, factor in zip(slopes, masking, strict=True)]
         return list(zip(_SHARES[self.lobes], lobes, strict=True))
 
     def _reflectances(self, directions: Directions) -> list[tuple[tuple[str | Factor, ...], Tensor]]:
@@ -167,5 +168,5 @@ class CookTorrance(Brdf):
         if self.fresnel == "conductor":
             return [((), conductor(cos_d, self.eta, self.k))]
         shift = self.fresnel == "colour-shift"
-        risen = colour_shift_weight(cos_d, self.f0_mean) if shift else schlick_weight(directions.short_d)
-        return [(("f0",), torch.ones_like(risen)), ((complement_of("f0"),), risen)]
+        weight = colour_shift_weight(cos_d, self.f0_mean) if shift else schlick_weight(directions.short_d)
+        return [(("f0",), torch.ones_like(weight)), ((complement_of("f0"),), weight)]

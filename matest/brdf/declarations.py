@@ -64,10 +64,8 @@ def wavelength(**kind: Any) -> Any:
 
 def solid_angle(**kind: Any) -> Any:
     """Solid angle of the lights, a few times the sun's unless the capture says it."""
-    domain, doc = interval(1e-5, 1), "solid angle of the source"
-    return parameter(
-        domain, unit="sr", doc=doc, default=5e-4, held=5e-4, log=True, role=Role.SOLID_ANGLE, **kind
-    )  # fmt: skip
+    domain, doc, lamp = interval(1e-5, 1), "solid angle of the source", 5e-4
+    return parameter(domain, unit="sr", doc=doc, default=lamp, held=lamp, log=True, role=Role.SOLID_ANGLE, **kind)
 
 
 def k_udf(**kind: Any) -> Any:

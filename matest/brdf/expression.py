@@ -22,7 +22,7 @@ def parse(expression: str, models: dict[str, type[Brdf]]) -> tuple[Brdf, dict[st
     """
     parts = _PLUS.split(expression)
     brdf: Brdf | None = None
-    inside: dict[str, dict[str, float]] = {}
+    values: dict[str, dict[str, float]] = {}
     for part in parts:
         match = _COMPONENT.fullmatch(part)
         if not match:
@@ -36,12 +36,12 @@ def parse(expression: str, models: dict[str, type[Brdf]]) -> tuple[Brdf, dict[st
         options, fixed = _brackets(models[name], brackets or "")
         component = models[name](**options)
         component.replace(fixed)  # checks the domain
-        inside[name] = fixed
+        values[name] = fixed
         brdf = component if brdf is None else brdf + component
     assert brdf is not None
     if len(parts) == 1:
-        return brdf, inside[brdf.name]
-    return brdf, {f"{name}.{key}": value for name, fixed in inside.items() for key, value in fixed.items()}
+        return brdf, values[brdf.name]
+    return brdf, {f"{name}.{key}": value for name, fixed in values.items() for key, value in fixed.items()}
 
 
 def _brackets(model: type[Brdf], text: str) -> tuple[dict[str, Any], dict[str, float]]:

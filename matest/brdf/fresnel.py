@@ -54,7 +54,7 @@ def conductor(cos_d: Tensor, eta: Tensor, k: Tensor) -> Tensor:
 
 
 def schlick_weight(short: Tensor) -> Tensor:
-    """(1 − c)⁵, the share by which the reflectance has risen from its normal value to 1: F = f0 + (1 − f0)(1 − c)⁵.
+    """(1 − c)⁵, the share by which the reflectance has rise from its normal value to 1: F = f0 + (1 − f0)(1 − c)⁵.
 
     `short` is 1 − c, formed without cancellation (`Directions.short_d`).
 
@@ -67,12 +67,12 @@ def colour_shift_weight(cos_d: Tensor, f0_mean: Tensor) -> Tensor:
     """max(0, F(θ) − F(0)) / (1 − F(0)): the share by which the colour has shifted from its normal value to the light's.
 
     F = ½(rs² + rp²) is the reflectance of a dielectric whose normal reflectance is the average over wavelengths
-    `f0_mean`. With r0 = (n−1)/(n+1) and g² = n² + c² − 1 the differences are formed by hand,
-    rs − r0 = 2(n−1)s²/((g+nc)(g+c)) and rp − r0 = −2n(n−1)s²/((g+nc)(n²c+g)): F hardly moves over wide angles, and
-    what is left of its digits would be multiplied by a sharp lobe.
+    `f0_mean`. With r0 = (n−1)/(n+1) and g² = n² + c² − 1 its two differences are computed as
+    rs − r0 = 2(n−1)s²/((g+nc)(g+c)) and rp − r0 = −2n(n−1)s²/((g+nc)(n²c+g)). Subtracting F(0) from F(θ), which hardly
+    differ over wide angles, would lose digits.
 
-    Source: Cook & Torrance 1982, the interpolation of colours. The effective dielectric of a metal has a Brewster dip
-    that the metal has not: hence the max.
+    Source: Cook & Torrance 1982, the interpolation of colours. The max removes the Brewster dip of the dielectric,
+    which the metal does not have.
     """
     root = f0_mean.clamp(1e-6, 1 - 1e-4).sqrt()
     n_minus_1, n = 2 * root / (1 - root), (1 + root) / (1 - root)
@@ -80,5 +80,5 @@ def colour_shift_weight(cos_d: Tensor, f0_mean: Tensor) -> Tensor:
     s2 = 1 - c * c
     g = (n_minus_1 * (n + 1) + c * c).sqrt()
     rs, rp = n_minus_1 * (n + 1) / (g + c).square(), (n2 * c - g) / (n2 * c + g)
-    risen = (rs + root) / (g + c) - n * (rp + root) / (n2 * c + g)
-    return (n_minus_1 * s2 / (g + n * c) * risen * ((n + 1).square() / (4 * n))).clamp(min=0)
+    rise = (rs + root) / (g + c) - n * (rp + root) / (n2 * c + g)
+    return (n_minus_1 * s2 / (g + n * c) * rise * ((n + 1).square() / (4 * n))).clamp(min=0)

@@ -13,8 +13,8 @@ class Assembly:
     """A model with the components that a surface needs.
 
     Attributes:
-        model: with all other components switched off.
-        reasons: why each component, and masking, is in the model or left out.
+        model: all other components are off.
+        reasons: why the model has each component, and masking, or why it has not.
     """
 
     model: LiTorrance
@@ -44,7 +44,10 @@ def assemble(
     Source: Li & Torrance 2005, section 4.
     """
     masked = rough if masked is None else masked
-    components = {
+    closed = "no light leaves a metal that has entered it"
+    not_rough = "C: negligible on a smooth or slightly rough surface"
+    no_masking = "eq. 7: S > 0.99 at all directions used" if rough else not_rough
+    guidelines: dict[str, tuple[bool, str, str]] = {
         "coherent": (
             mirror_at_grazing and angular_variation,
             "A: a mirror image emerges at large angles of illumination",
@@ -60,27 +63,15 @@ def assemble(
             "E: light is scattered several times between the facets of a rough metal",
             "E: negligible on a smooth metal" if metal else "E: on a dielectric the subsurface component outshines it",
         ),
-        "subsurface": (
-            not metal,
-            "E: light enters a dielectric and is scattered back evenly",
-            "no light leaves a metal that has entered it",
-        ),
+        "subsurface": (not metal, "E: light enters a dielectric and is scattered back evenly", closed),
         "forward": (
             forward_scattering and not metal,
             "F: measurements show it",
-            "no light leaves a metal that has entered it" if metal else "F: only on evidence from measurements",
+            closed if metal else "F: only on evidence from measurements",
         ),
+        "masking": (masked, "C: facets shadow and mask each other", no_masking),
     }
-    reasons = {name: present if needed else absent for name, (needed, present, absent) in components.items()}
-    reasons["masking"] = (
-        "C: facets shadow and mask each other"
-        if masked
-        else "eq. 7: S > 0.99 at all directions used"
-        if rough
-        else "C: negligible on a smooth or slightly rough surface"
-    )
-    reasons["fresnel"] = (
-        "D: nearly constant on a metal: give its f0, near 1" if metal else "D: necessary on a dielectric"
-    )
-    switches: dict[str, Any] = {name: "on" if needed else "off" for name, (needed, _, _) in components.items()}
-    return Assembly(LiTorrance(masking="on" if masked else "off", **switches), reasons)
+    reasons = {name: reason if needed else objection for name, (needed, reason, objection) in guidelines.items()}
+    fresnel = "D: nearly constant on a metal: give its f0, near 1" if metal else "D: necessary on a dielectric"
+    switches: dict[str, Any] = {name: "on" if needed else "off" for name, (needed, _, _) in guidelines.items()}
+    return Assembly(LiTorrance(**switches), reasons | {"fresnel": fresnel})

@@ -11,15 +11,14 @@ from torch import Tensor
 
 from matest.brdf import declarations
 from matest.brdf.base import Brdf
-from matest.brdf.fresnel import schlick_weight
-from matest.brdf.li_torrance import mirror_kernel
-from matest.brdf.terms import Term, complement_of
+from matest.brdf.li_torrance import mirror_kernel, surface_terms
+from matest.brdf.terms import Term, lambertian
 from matest.directions import Directions
 from matest.parameters import option
 
-# Terms of the series that are summed: for g up to about 50 all that matter, above that evenly spaced ones.
+# Terms of the series in the sum: all that matter for g up to about 50, evenly spaced ones for larger g.
 _TERMS = 256
-# Pairs of directions evaluated at once, which bounds the memory to 256 × 256 numbers an array.
+# Pairs of directions evaluated at once: an array of them and their terms then takes 0.5 MB.
 _TILE = 256
 # Cosines below this are replaced by it: the quotients by cosines stay finite.
 _COS_FLOOR = 1e-4
@@ -74,17 +73,12 @@ class HeTorrance(Brdf):
         across2 = d.tan2_half.double() * d.half_z.double().square() * (math.pi * length / wavelength).square()
         shape = (math.pi * length / (2 * wavelength)).square() * series(g, across2)
         geometry = (d.half_squared.double() / total).square()
-        masked = smith_masking(half_inverse * cot_i) * smith_masking(half_inverse * cot_o)
-        lobe = (geometry * masked * shape / (math.pi * cos_i * cos_o)).to(dtype)
+        masking = smith_masking(half_inverse * cot_i) * smith_masking(half_inverse * cot_o)
+        lobe = (geometry * masking * shape / (math.pi * cos_i * cos_o)).to(dtype)
         if self.coherent == "on":
-            mirrored = masked * torch.exp(-g) * 2 / total
-            lobe = lobe + mirrored.to(dtype) * mirror_kernel(d, self.solid_angle)
-        body = torch.full_like(d.cos_i * d.cos_o, 1 / math.pi)
-        return (
-            Term(("k_ud",), body),
-            Term(("k_dd", "f0"), lobe),
-            Term(("k_dd", complement_of("f0")), lobe * schlick_weight(d.short_d)),
-        )
+            mirror = masking * torch.exp(-g) * 2 / total
+            lobe = lobe + mirror.to(dtype) * mirror_kernel(d, self.solid_angle)
+        return lambertian(("k_ud",), d.cos_i * d.cos_o), *surface_terms(lobe, d)
 
 
 def series(g: Tensor, across2: Tensor) -> Tensor:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -12,7 +11,7 @@ from torch import Tensor
 from matest.brdf import declarations
 from matest.brdf.base import Brdf
 from matest.brdf.microfacet import decay
-from matest.brdf.terms import Term
+from matest.brdf.terms import Term, lambertian
 from matest.directions import Directions
 from matest.parameters import interval, parameter
 
@@ -43,4 +42,4 @@ class Lafortune(Brdf):
         cosine = self.c_xy * d.tangential + self.c_z * d.cos_i * d.cos_o
         lobe = decay(-self.exponent * cosine.clamp(min=1e-6).log())
         lobe = torch.where(cosine > 0, lobe, torch.zeros_like(lobe))
-        return Term(("diffuse",), torch.full_like(lobe, 1 / math.pi)), Term(("specular",), lobe)
+        return lambertian(("diffuse",), lobe), Term(("specular",), lobe)

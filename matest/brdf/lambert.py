@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-import torch
 from torch import Tensor
 
 from matest.brdf import declarations
 from matest.brdf.base import Brdf
-from matest.brdf.terms import Term
+from matest.brdf.terms import Term, lambertian
 from matest.directions import Directions
 
 
@@ -26,4 +24,4 @@ class Lambert(Brdf):
     body: ClassVar[bool] = True
 
     def terms(self, directions: Directions) -> tuple[Term, ...]:
-        return (Term(("albedo",), torch.full_like(directions.cos_i * directions.cos_o, 1 / math.pi)),)
+        return (lambertian(("albedo",), directions.cos_i * directions.cos_o),)

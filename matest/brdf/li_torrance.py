@@ -14,7 +14,7 @@ from matest.brdf.base import Brdf
 from matest.brdf.fresnel import schlick_weight
 from matest.brdf.microfacet import decay
 from matest.brdf.rough_surface import Roughness, RoughSurface
-from matest.brdf.terms import Term, complement_of
+from matest.brdf.terms import Term, complement_of, lambertian
 from matest.directions import Directions
 from matest.parameters import Role, option
 
@@ -42,7 +42,7 @@ class DirectionalDiffuse(RoughSurface):
     source: ClassVar[str] = "Li & Torrance 2005, eq. 9-10"
 
     def terms(self, directions: Directions) -> tuple[Term, ...]:
-        return _directional(self.roughness(directions).lobe(directions), directions)
+        return surface_terms(self.roughness(directions).lobe(directions), directions)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,7 @@ class FirstSurfaceDiffuse(Brdf):
     body: ClassVar[bool] = True
 
     def terms(self, directions: Directions) -> tuple[Term, ...]:
-        return (Term(("k_udf",), torch.full_like(directions.cos_i * directions.cos_o, 1 / math.pi)),)
+        return (lambertian(("k_udf",), directions.cos_i * directions.cos_o),)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ class SubsurfaceDiffuse(Brdf):
     body: ClassVar[bool] = True
 
     def terms(self, directions: Directions) -> tuple[Term, ...]:
-        return (_subsurface(_transmitted(directions)),)
+        return (_subsurface(_transmittances(directions)),)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +102,7 @@ class ForwardScattering(RoughSurface):
     source: ClassVar[str] = "Li & Torrance 2005, eq. 13-14"
 
     def terms(self, directions: Directions) -> tuple[Term, ...]:
-        return (_forward(self.roughness(directions), directions, _transmitted(directions), self.law),)
+        return (_forward(self.roughness(directions), directions, _transmittances(directions), self.law),)
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,52 +183,53 @@ class LiTorrance(RoughSurface):
         if self.uniform == "on":
             out += FirstSurfaceDiffuse().terms(directions)
         if "on" in (self.subsurface, self.forward):
-            entered = _transmitted(directions)
+            transmittance = _transmittances(directions)
         if self.subsurface == "on":
-            out.append(_subsurface(entered))
+            out.append(_subsurface(transmittance))
         if "on" not in (self.directional, self.forward):
             return tuple(out)
         roughness = self.roughness(directions)
         if self.forward == "on":
-            out.append(_forward(roughness, directions, entered, self.law))
+            out.append(_forward(roughness, directions, transmittance, self.law))
         if self.directional == "on":
             lobe = roughness.lobe(directions)
             if self.coherent == "on":
                 share = _coherent_share(roughness, directions, self.height_rms / self.wavelength)
                 out += _coherent(roughness, directions, share, self.solid_angle)
                 lobe = lobe * (1 - share) if self.energy == "he" else lobe
-            out += _directional(lobe, directions)
+            out += surface_terms(lobe, directions)
         return tuple(out)
 
 
-def _directional(lobe: Tensor, directions: Directions) -> tuple[Term, ...]:
+def surface_terms(lobe: Tensor, directions: Directions) -> tuple[Term, ...]:
+    """k_dd F times a lobe, F = f0 + (1 − f0)(1 − cos θh)⁵."""
     return Term(("k_dd", "f0"), lobe), Term(("k_dd", complement_of("f0")), lobe * schlick_weight(directions.short_d))
 
 
-def _transmitted(directions: Directions) -> Tensor:
+def _transmittances(directions: Directions) -> Tensor:
     """T(θi) T(θr)/(π (1 − f0)²): Schlick's transmittances of the mean surface over their value at normal incidence."""
-    return _entered(directions.cos_i) * _entered(directions.cos_o) / math.pi
+    return _transmittance(directions.cos_i) * _transmittance(directions.cos_o) / math.pi
 
 
-def _entered(cos: Tensor) -> Tensor:
+def _transmittance(cos: Tensor) -> Tensor:
     """1 − (1 − cos θ)⁵, without cancellation at grazing."""
     short = 1 - cos
     square = short * short
     return cos * ((1 + short) * (1 + square) + square * square)
 
 
-def _subsurface(entered: Tensor) -> Term:
-    return Term(("k_uds", complement_of("f0"), complement_of("f0")), entered)
+def _subsurface(transmittance: Tensor) -> Term:
+    return Term(("k_uds", complement_of("f0"), complement_of("f0")), transmittance)
 
 
-def _forward(roughness: Roughness, directions: Directions, entered: Tensor, law: str) -> Term:
+def _forward(roughness: Roughness, directions: Directions, transmittance: Tensor, law: str) -> Term:
     d = directions
     ahead = (-d.tangential).clamp(min=0)
-    exponent = _tan2(ahead, d.crosswise, d.sin_i, d.cos_o) * _inverse(roughness, d, 0)
+    exponent = _tan2(ahead, d.crosswise, d.sin_i, d.cos_o) * _inverse_width(roughness, d, 0)
     if law == "reciprocal":
-        exponent = 0.5 * (exponent + _tan2(ahead, d.crosswise, d.sin_o, d.cos_i) * _inverse(roughness, d, 1))
+        exponent = 0.5 * (exponent + _tan2(ahead, d.crosswise, d.sin_o, d.cos_i) * _inverse_width(roughness, d, 1))
     # `sign` cuts the lobe where all its derivatives vanish.
-    lobe = decay(exponent) * torch.sign(ahead) * (1 - d.cos_i) * (1 - d.cos_o) * entered
+    lobe = decay(exponent) * torch.sign(ahead) * (1 - d.cos_i) * (1 - d.cos_o) * transmittance
     return Term(("k_fs", complement_of("f0"), complement_of("f0")), lobe)
 
 
@@ -238,7 +239,7 @@ def _tan2(ahead: Tensor, crosswise: Tensor, sin_i: Tensor, cos_o: Tensor) -> Ten
     return sin2 / (ahead / sin_i).square().clamp(min=1e-6)
 
 
-def _inverse(roughness: Roughness, directions: Directions, side: int) -> Tensor:
+def _inverse_width(roughness: Roughness, directions: Directions, side: int) -> Tensor:
     """1/(16 me²) along the azimuth of the light (`side` 0) or the viewer (1); roughness holds 2 me."""
     x = 0.25 / roughness.slope_x.clamp(min=2e-2).square()
     if roughness.isotropic:
@@ -255,10 +256,9 @@ def _coherent_share(roughness: Roughness, directions: Directions, ratio: Tensor)
 
 def _coherent(roughness: Roughness, directions: Directions, share: Tensor, solid_angle: Tensor) -> tuple[Term, ...]:
     d = directions
-    # `masked` is S/(4 cos θi cos θr).
-    masking = roughness.masked * 4 * d.cos_i * d.cos_o
-    lobe = masking * share * mirror_kernel(d, solid_angle) * 2 / (d.cos_i + d.cos_o).clamp(min=1e-4)
-    return Term(("k_dd", "f0"), lobe), Term(("k_dd", complement_of("f0")), lobe * schlick_weight(d.short_d))
+    s = roughness.masking * 4 * d.cos_i * d.cos_o
+    lobe = s * share * mirror_kernel(d, solid_angle) * 2 / (d.cos_i + d.cos_o).clamp(min=1e-4)
+    return surface_terms(lobe, d)
 
 
 def mirror_kernel(directions: Directions, solid_angle: Tensor) -> Tensor:

@@ -118,10 +118,10 @@ def v_cavity(directions: Directions) -> Tensor:
     Source: Torrance & Sparrow 1967; Cook & Torrance 1982.
     """
     cos_i, cos_o = directions.cos_i, directions.cos_o
-    unmasked = 0.25 / (cos_i * cos_o).clamp(min=_COS_PRODUCT_FLOOR)
+    no_masking = 0.25 / (cos_i * cos_o).clamp(min=_COS_PRODUCT_FLOOR)
     # Divide twice: the derivatives of a single quotient would leave the range of float32.
-    masked = (cos_i + cos_o) / torch.maximum(cos_i, cos_o).clamp(min=1e-6) / directions.half_squared
-    return torch.minimum(unmasked, masked)
+    masking = (cos_i + cos_o) / torch.maximum(cos_i, cos_o).clamp(min=1e-6) / directions.half_squared
+    return torch.minimum(no_masking, masking)
 
 
 def smith_beckmann(directions: Directions, slope: Tensor) -> Tensor:

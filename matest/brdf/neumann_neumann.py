@@ -12,7 +12,7 @@ from torch import Tensor
 from matest.brdf import declarations
 from matest.brdf.base import Brdf
 from matest.brdf.microfacet import decay
-from matest.brdf.terms import Term
+from matest.brdf.terms import Term, lambertian
 from matest.directions import Directions
 
 
@@ -45,4 +45,4 @@ class NeumannNeumann(Brdf):
     def terms(self, directions: Directions) -> tuple[Term, ...]:
         stretch = torch.maximum(directions.cos_i, directions.cos_o).clamp(min=1e-6)
         lobe = (self.exponent + 2) / (2 * math.pi) * mirror_power(directions, self.exponent) / stretch
-        return Term(("diffuse",), torch.full_like(lobe, 1 / math.pi)), Term(("specular",), lobe)
+        return lambertian(("diffuse",), lobe), Term(("specular",), lobe)

@@ -24,8 +24,8 @@ class Preset(NamedTuple):
     Attributes:
         doc: what it is.
         source: of its parameters.
-        build: makes the model; takes the reflectance at normal incidence where the paper does not give it.
-        needs_f0: whether `build` takes that reflectance.
+        build: makes the model.
+        needs_f0: whether `build` takes the reflectance at normal incidence, because the paper does not give it.
     """
 
     doc: str
@@ -39,11 +39,11 @@ def preset(name: str, f0: float | Sequence[float] | Tensor | None = None) -> Brd
 
     Args:
         name: a key of `PRESETS`.
-        f0: reflectance at normal incidence, one value or one per channel; for the nonmetals of Cook and Torrance's
-            Table I, whose spectra are not published with it, and for no other preset.
+        f0: reflectance at normal incidence, one value or one per channel. The nonmetals of Cook and Torrance's Table I
+            need it, because the paper does not give their spectra; no other preset takes it.
 
     Raises:
-        InputError: an unknown name, `f0` missing or given in vain, a metal whose optical constants are not installed.
+        InputError: an unknown name, `f0` missing or useless, a metal whose optical constants are not installed.
     """
     if name not in PRESETS:
         raise InputError(f"unknown preset '{name}'; {nearest(name, PRESETS)}")
@@ -61,6 +61,7 @@ def preset(name: str, f0: float | Sequence[float] | Tensor | None = None) -> Brd
 
 
 def _of(kind: type[Brdf], **values: Any) -> Brdf:
+    """A model from numbers, which its constructor turns into the tensors of its fields."""
     return kind(**values)
 
 
@@ -96,7 +97,7 @@ def _nonmetal(specular: float, slope: float) -> Callable[..., Brdf]:
     return build
 
 
-def _measured(f0: float, **values: Any) -> Callable[[], Brdf]:
+def _sample(f0: float, **values: Any) -> Callable[[], Brdf]:
     """A sample of Li and Torrance; components that have no coefficient in its table are off."""
     switches = {
         "directional": "k_dd" in values,
@@ -137,19 +138,19 @@ PRESETS: dict[str, Preset] = {
     "non-glare-glass": Preset(
         "sample #45, aluminised",
         _LT05 + "§5.2.1",
-        _measured(_ALUMINIUM, k_dd=1.0, height_rms=0.23, correlation_length=9.9, solid_angle=5e-4, masking="off"),
+        _sample(_ALUMINIUM, k_dd=1.0, height_rms=0.23, correlation_length=9.9, solid_angle=5e-4, masking="off"),
     ),
     "ground-glass": Preset(
         "sample #41, aluminised",
         _LT05 + "Table 1",
-        _measured(
+        _sample(
             _ALUMINIUM, k_udf=[0.33, 0.34, 0.32], k_dd=[0.45, 0.44, 0.44], height_rms=0.86, correlation_length=4.99
         ),
     ),
     "red-paint": Preset(
         "sample #13, garnet red",
         _LT05 + "Table 2",
-        _measured(
+        _sample(
             _of_index(1.7),
             k_uds=[0.10, 0.0, 0.0],
             k_dd=[0.59, 0.72, 0.69],
@@ -161,7 +162,7 @@ PRESETS: dict[str, Preset] = {
     "laser-paper": Preset(
         "sample #73",
         _LT05 + "Table 3",
-        _measured(
+        _sample(
             _of_index(1.5),
             k_uds=[0.91, 0.94, 0.83],
             k_dd=[0.28, 0.25, 0.25],

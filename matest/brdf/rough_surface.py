@@ -46,7 +46,7 @@ def _slope_ratio(name: str, length: str, when: Mapping[str, tuple[str, ...]]) ->
 class RoughSurface(Brdf):
     """Parameters of a rough surface: reflectance at normal incidence and the two lengths of its roughness.
 
-    `f0`; `height_rms` σ and `correlation_length` τ in µm: only their ratio has an effect, except on coherent light; an
+    `f0`; `height_rms` σ and `correlation_length` τ in µm. Only their ratio has an effect, except on coherent light; an
     estimate reports it as `slope_ratio`.
     `masking=off` takes S = 1 and σe = σ (smooth surfaces, guideline C; or directions within `unmasked_angle`). With
     `anisotropy` τ differs along tangent and bitangent (`correlation_length_x`, `_y`), and the azimuthal law of S is
@@ -78,17 +78,17 @@ class RoughSurface(Brdf):
         ratios = [self.height_rms / length for length in lengths]
         cos_i, cos_o = directions.cos_i.clamp(min=_COS_FLOOR), directions.cos_o.clamp(min=_COS_FLOOR)
         if self.masking == "off":
-            masked = 0.25 / (cos_i * cos_o)
-            effective = torch.ones_like(masked)
+            masking = 0.25 / (cos_i * cos_o)
+            effective = torch.ones_like(masking)
         else:
             if isotropic:
                 k_i = k_o = (1 / ratios[0]).clamp(*_EXPONENTS)
             else:
-                along = (_along(ratios, share, self.anisotropy) for share in directions.along_tangent)
+                along = (_exponent_along(ratios, share, self.anisotropy) for share in directions.along_tangent)
                 k_i, k_o = (k.clamp(*_EXPONENTS) for k in along)
-            masked, effective = _masking(cos_i, cos_o, k_i, k_o)
+            masking, effective = _masking(cos_i, cos_o, k_i, k_o)
         slopes = [2 * ratio * effective for ratio in ratios]
-        return Roughness(slopes[0], slopes[-1], masked, effective)
+        return Roughness(slopes[0], slopes[-1], masking, effective)
 
 
 def _masking(cos_i: Tensor, cos_o: Tensor, k_i: Tensor, k_o: Tensor) -> tuple[Tensor, Tensor]:
@@ -96,13 +96,13 @@ def _masking(cos_i: Tensor, cos_o: Tensor, k_i: Tensor, k_o: Tensor) -> tuple[Te
     # x = k log(1 − cos θ). Both factors 1 − eˣ are formed as −expm1(x); the two signs cancel.
     x_i = k_i * torch.log1p(-cos_i.clamp(max=_COS_CEILING))
     x_o = k_o * torch.log1p(-cos_o.clamp(max=_COS_CEILING))
-    masked = 0.25 * (torch.expm1(x_i) * torch.expm1(x_o)) / (cos_i * cos_o)
+    masking = 0.25 * (torch.expm1(x_i) * torch.expm1(x_o)) / (cos_i * cos_o)
     rest_i, rest_o = torch.expm1(1.6 * x_i), torch.expm1(1.6 * x_o)
     if k_i is k_o:
-        shrunk = 0.1 * k_i * torch.log(rest_i * rest_o)
+        log_effective = 0.1 * k_i * torch.log(rest_i * rest_o)
     else:
-        shrunk = 0.1 * (k_i * torch.log(-rest_i) + k_o * torch.log(-rest_o))
-    return masked, torch.exp(shrunk.clamp(min=_LOG_LIMIT))
+        log_effective = 0.1 * (k_i * torch.log(-rest_i) + k_o * torch.log(-rest_o))
+    return masking, torch.exp(log_effective.clamp(min=_LOG_LIMIT))
 
 
 def unmasked_angle(slope_ratio: float) -> float:
@@ -126,27 +126,27 @@ class Roughness(NamedTuple):
     Attributes:
         slope_x: 2 σe/τ along the tangent, the slope of the Beckmann distribution.
         slope_y: along the bitangent; the same where the surface is isotropic.
-        masked: S/(4 cos θi cos θr).
+        masking: S/(4 cos θi cos θr).
         effective: σe/σ.
     """
 
     slope_x: Tensor
     slope_y: Tensor
-    masked: Tensor
+    masking: Tensor
     effective: Tensor
 
     def lobe(self, directions: Directions) -> Tensor:
         """S D/(π cos θi cos θr) = S Dn/(4 cos θi cos θr), Dn Beckmann's normalised distribution."""
         if self.isotropic:
-            return beckmann(directions, self.slope_x) * self.masked
-        return beckmann_anisotropic(directions, self.slope_x, self.slope_y) * self.masked
+            return beckmann(directions, self.slope_x) * self.masking
+        return beckmann_anisotropic(directions, self.slope_x, self.slope_y) * self.masking
 
     @property
     def isotropic(self) -> bool:
         return self.slope_x is self.slope_y
 
 
-def _along(ratios: list[Tensor], share_x: Tensor, law: str) -> Tensor:
+def _exponent_along(ratios: list[Tensor], share_x: Tensor, law: str) -> Tensor:
     """k = τ/σ along an azimuth with cos²φ = `share_x`."""
     if law == "printed":
         return (share_x / ratios[0].square() + (1 - share_x) / ratios[1].square()).sqrt()

@@ -1,7 +1,7 @@
-"""Which term of a model depends on which parameter, from the connections of its graph in autograd.
+"""The dependence of the terms of a model on its parameters, read from the graph of autograd.
 
-The connections do not depend on values: a lobe that vanishes at the directions of the probe is connected to its
-parameters, and so is a parameter that is clamped there.
+Values do not matter: a lobe that is 0 at the directions of the probe still depends on its parameters in the graph, and
+so does a lobe whose parameter is clamped there.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from matest.directions import Directions
 if TYPE_CHECKING:
     from matest.brdf.base import Brdf
 
-# Directions of the probe. Any pair away from the normal and from each other serves, as no value is read.
+# Directions of the probe. No value is read, so any pair will do that differs from the normal and from each other.
 _LIGHT = (0.48, 0.36, 0.8)
 _VIEWER = (-0.48, 0.6, 0.64)
 
@@ -118,7 +118,7 @@ def structure_of(brdf: Brdf) -> Structure:
         )
 
 
-def joined(components: Mapping[str, Structure]) -> Structure:
+def structure_of_sum(components: Mapping[str, Structure]) -> Structure:
     """The structure of a sum of models."""
     return Structure(
         terms=tuple(term.within(name) for name, part in components.items() for term in part.terms),
@@ -151,28 +151,31 @@ def _term_structure(term: Term, leaves: Mapping[str, Tensor], angle: Tensor) -> 
 
 
 class _Turned(Directions):
-    """A pair of directions turned about the normal: only quantities that the turn changes depend on the angle."""
+    """Directions turned about the normal by an angle.
+
+    In autograd only the quantities that a turn changes depend on the angle.
+    """
 
     def __init__(self, angle: Tensor) -> None:
         wi, wo = (torch.tensor([vector], dtype=torch.float64) for vector in (_LIGHT, _VIEWER))
         super().__init__(wi, wo)
         cos, sin, zero, one = angle.cos(), angle.sin(), torch.zeros_like(angle), torch.ones_like(angle)
         turn = torch.stack([cos, -sin, zero, sin, cos, zero, zero, zero, one]).reshape(3, 3)
-        self._at_rest = Directions(wi, wo)
-        self._moved = Directions(wi @ turn.T, wo @ turn.T)
+        self._before = Directions(wi, wo)
+        self._after = Directions(wi @ turn.T, wo @ turn.T)
 
     @cached_property
     def along_tangent(self) -> tuple[Tensor, Tensor]:
-        return self._moved.along_tangent
+        return self._after.along_tangent
 
     def along(self, azimuth: Tensor) -> tuple[Tensor, Tensor]:
-        return self._moved.along(azimuth)
+        return self._after.along(azimuth)
 
     @cached_property
     def half_slopes(self) -> tuple[Tensor, Tensor]:
-        return self._moved.half_slopes
+        return self._after.half_slopes
 
     @cached_property
     def tan2_half(self) -> Tensor:
-        # It is computed from both slopes, but a turn does not change it.
-        return self._at_rest.tan2_half
+        # A turn does not change it, although it changes both slopes.
+        return self._before.tan2_half

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
+import torch
 from torch import Tensor
 
 
@@ -68,6 +70,11 @@ class Term:
         """The same term in a sum, where parameters are named by path."""
         paths = [factor._replace(name=f"{component}.{factor.name}") for factor in self.factors]
         return Term(paths, self.shape, self.columns, self.weights)
+
+
+def lambertian(factors: Iterable[str | Factor], like: Tensor) -> Term:
+    """The term 1/π of an even reflection, times its factors; its shape has the size of `like`."""
+    return Term(factors, torch.full_like(like, 1 / math.pi))
 
 
 def mixture(factors: Iterable[str | Factor], columns: Tensor, weights: Tensor) -> Term:

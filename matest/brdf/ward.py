@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-import torch
 from torch import Tensor
 
 from matest.brdf import declarations
 from matest.brdf.base import Brdf
 from matest.brdf.microfacet import beckmann, beckmann_anisotropic
-from matest.brdf.terms import Term
+from matest.brdf.terms import Term, lambertian
 from matest.directions import Directions
 from matest.parameters import option
 
@@ -52,4 +50,4 @@ class Ward(Brdf):
             product = (d.cos_i * d.cos_o).clamp(min=1e-10)
             # Ward's exponential stands without the 1/cos⁴α of a slope distribution.
             lobe = 0.25 * distribution * d.cos2_half.square() / (product.sqrt() if self.form == "ward" else product)
-        return Term(("diffuse",), torch.full_like(lobe, 1 / math.pi)), Term(("specular",), lobe)
+        return lambertian(("diffuse",), lobe), Term(("specular",), lobe)

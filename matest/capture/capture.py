@@ -1,11 +1,12 @@
-"""A capture: image files and what is said of them, read into photographs of a scene."""
+"""A capture: image files and their description, read into photographs of a scene."""
 
 from __future__ import annotations
 
 import hashlib
 import os
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -28,14 +29,14 @@ from matest.workers import in_threads
 
 @dataclass(frozen=True)
 class Capture:
-    """Photographs, and the files that they were read from, once.
+    """Photographs and the files that hold them.
 
     Attributes:
-        name: name of its folder.
+        name: of its folder.
         photographs: of the object, with its geometry and light.
         files: the image files.
-        folder: where it lies.
-        others: capture.toml and the other files it refers to.
+        folder: that holds the capture.
+        others: capture.toml and the other files that it refers to.
         timing: seconds spent reading images, building geometry and estimating noise.
     """
 
@@ -83,7 +84,7 @@ class Capture:
         return self.photographs.samples(images, dtype=dtype, device=device)
 
     def digests(self) -> dict[str, str]:
-        """SHA-256 of every file of the capture, by its path in it."""
+        """SHA-256 of every file of the capture, by its path from the folder."""
         return {
             os.path.relpath(file, self.folder): "sha256:" + hashlib.sha256(file.read_bytes()).hexdigest()
             for file in (*self.files, *self.others)
@@ -117,38 +118,43 @@ def load_capture(
             f"{description.file}: image {files.index(None)} has no file; a capture names one for every [[image]]."
         )
     paths = [description.path(name, f"image {k}: file") for k, name in enumerate(files) if name is not None]
-
-    clock = time.perf_counter()
-    first = read_image(paths[0])
-    read_s = time.perf_counter() - clock
-
-    clock = time.perf_counter()
-    setup = realise(description, ImageFormat.of(first), transfer=transfer)
-    geometry_s = time.perf_counter() - clock
-
-    clock = time.perf_counter()
-    stored = _decode(paths, first, setup.scene.surface.pixels, progress)
-    read_s += time.perf_counter() - clock
-
-    clock = time.perf_counter()
-    if setup.noise is None:
-        noise = noise_of_photographs(stored, setup.encoding, setup.scene.surface)
-    else:
-        noise = stated_noise(setup.noise, setup.encoding, stored[0])
-    noise_s = time.perf_counter() - clock
+    timing = {"read": 0.0, "geometry": 0.0, "noise": 0.0}
+    # The size and the type of the first image decide how the geometry and the encoding are built.
+    with _time(timing, "read"):
+        first = read_image(paths[0])
+    with _time(timing, "geometry"):
+        setup = realise(description, ImageFormat.of(first), transfer=transfer)
+    with _time(timing, "read"):
+        stored = _decode(paths, first, setup.scene.surface.pixels, progress)
+    with _time(timing, "noise"):
+        if setup.noise is None:
+            noise = noise_of_photographs(stored, setup.encoding, setup.scene.surface)
+        else:
+            noise = stated_noise(setup.noise, setup.encoding, stored[0])
     return Capture(
         name=description.name,
         photographs=setup.photographs(stored, noise),
         files=tuple(paths),
         folder=description.folder,
         others=(description.file, *(description.path(name, key) for key, name in description.references)),
-        timing={"read": read_s, "geometry": geometry_s, "noise": noise_s},
+        timing=timing,
     )
 
 
+@contextmanager
+def _time(seconds: dict[str, float], step: str) -> Iterator[None]:
+    """Add the time that the block takes to `seconds`."""
+    start = time.perf_counter()
+    yield
+    seconds[step] += time.perf_counter() - start
+
+
 def _decode(paths: list[Path], first: np.ndarray, pixels: np.ndarray, progress: Progress) -> tuple[np.ndarray, ...]:
-    """The object's pixels of every image; at no time are more than a few whole images in memory."""
+    """The object's pixels of every image; memory holds only a few whole images at once."""
     storage = Storage()
+
+    def pixels_of(image: np.ndarray) -> np.ndarray:
+        return storage.keep(image.reshape(-1, image.shape[2])[pixels])
 
     def load(path: Path) -> np.ndarray:
         image = read_image(path)
@@ -162,10 +168,10 @@ def _decode(paths: list[Path], first: np.ndarray, pixels: np.ndarray, progress: 
                 f"{path}: expected {first.shape[2]} channel(s) of {first.dtype} like {paths[0].name}; got "
                 f"{image.shape[2]} of {image.dtype}. Convert the images to one kind."
             )
-        return storage.keep(image.reshape(-1, image.shape[2])[pixels])
+        return pixels_of(image)
 
-    stored = [storage.keep(first.reshape(-1, first.shape[2])[pixels])]
-    for count, kept in enumerate(in_threads(load, paths[1:]), start=2):
-        stored.append(kept)
+    stored = [pixels_of(first)]
+    for count, of_image in enumerate(in_threads(load, paths[1:]), start=2):
+        stored.append(of_image)
         progress("reading images", count, len(paths))
     return tuple(stored)

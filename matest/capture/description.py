@@ -1,4 +1,4 @@
-"""What a capture or scene file says, read and checked before any of its photographs is looked at."""
+"""Capture and scene files, read and checked before any photograph is opened."""
 
 from __future__ import annotations
 
@@ -7,25 +7,25 @@ import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Generic
+from typing import Generic
 
 from matest.capture import schema
 from matest.capture.schema import File
-from matest.errors import InputError
+from matest.errors import Fault, InputError, refuse
 from matest.photographs.images import read_image
 
-# Largest width and height of images that are not there yet, pixels.
+# Largest width and height of images that do not exist yet, pixels: a typo must not fill the memory.
 _MAX_SIDE = 16384
 
 
 @dataclass(frozen=True)
 class Description(Generic[File]):
-    """A file and what stands in it.
+    """A capture or scene file and its content.
 
     Attributes:
-        file: that was read; its references are relative to the folder it lies in.
-        root: folder that no reference may lead out of.
-        tables: its content, every number of it possible.
+        file: its path; references in it are relative to its folder.
+        root: folder that contains all files that it may refer to.
+        tables: its content, in which every number is possible.
     """
 
     file: Path
@@ -43,7 +43,7 @@ class Description(Generic[File]):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The image files as seen from the folder; numbers where there are none."""
+        """Paths of the image files from the folder; numbers for images without file."""
         files = (table.file for table in self.tables.image)
         return tuple(
             f"image {number}" if file is None else os.path.relpath(self.folder / file, self.folder)
@@ -90,14 +90,14 @@ def describe(path: str | Path, kind: type[File], *, root: Path | None = None) ->
         root: folder that file references may not leave (default: that of the file).
 
     Raises:
-        InputError: no such file, something in it that is no key or number of its kind, no image.
+        InputError: no such file, an unknown key, an impossible value, or no image.
     """
     scene = issubclass(kind, schema.SceneFile)
     file = capture_file(path, "scene.toml" if scene else "capture.toml")
     tables = schema.read(file, kind)
     if not tables.image:
         raise InputError(f"{file}: expected at least one [[image]]{' with lights' if scene else ''}; got none.")
-    _check_numbers(tables, file)
+    refuse(file, _faults(tables))
     return Description(file, (root or file.parent).absolute(), tables)
 
 
@@ -120,10 +120,10 @@ def capture_file(path: str | Path, name: str) -> Path:
 
 
 def image_shape(description: Description) -> tuple[int, int]:
-    """Height and width of images that are not there yet: the camera's resolution, or the size of normal map or mask.
+    """Height and width of images that do not exist yet: the camera's resolution, or the size of normal map or mask.
 
     Raises:
-        InputError: nothing says it, or not in pixels.
+        InputError: the file states no size, or one that is impossible.
     """
     file, tables = description.file, description.tables
     if tables.camera is not None and tables.camera.resolution is not None:
@@ -139,22 +139,20 @@ def image_shape(description: Description) -> tuple[int, int]:
 
 
 def image_channels(description: Description, lengths: Iterable[int] = ()) -> int:
-    """Channels of images that are not there yet: as many as the longest colour.
+    """Channels of images that do not exist yet: as many as the longest colour has.
 
     Args:
-        description: whose lights have colours.
+        description: its lights have colours.
         lengths: of the colours of a material.
 
     Raises:
         InputError: colours of neither one nor three values.
     """
     tables = description.tables
-    colours: list[Any] = [image.ambient for image in tables.image]
-    colours += [
-        c for i in tables.image for light in i.lights for c in (light.irradiance, light.intensity, light.radiance)
-    ]
-    colours.append(tables.camera.wavelength if tables.camera else None)
-    several = ({len(c) for c in colours if isinstance(c, list)} | {*lengths}) - {1}
+    lights = [light for image in tables.image for light in image.lights]
+    colours = [colour for light in lights for colour in (light.irradiance, light.intensity, light.radiance)]
+    colours += [*(image.ambient for image in tables.image), tables.camera.wavelength if tables.camera else None]
+    several = ({len(colour) for colour in colours if isinstance(colour, list)} | {*lengths}) - {1}
     if not several <= {3}:
         raise InputError(
             f"{description.file}: colours must have 3 values (linear RGB) or be one number; got {sorted(several)} "
@@ -163,34 +161,23 @@ def image_channels(description: Description, lengths: Iterable[int] = ()) -> int
     return 3 if several else 1
 
 
-def _check_numbers(tables: schema.CaptureFile, file: Path) -> None:
-    """Refuse numbers that make no sense whatever else the file says.
-
-    Raises:
-        InputError: the first of them.
-    """
-    for value, possible, rule in _rules(tables):
-        if not possible:
-            raise InputError(f"{file}: {rule.format(value)}")
-
-
-def _rules(tables: schema.CaptureFile) -> Iterator[tuple[float | None, bool, str]]:
-    """Numbers of a file, whether they are possible, and what is said if not."""
+def _faults(tables: schema.CaptureFile) -> Iterator[Fault]:
+    """Numbers that make no sense whatever else the file says."""
     radius, camera, scale, noise = tables.geometry.radius, tables.camera, tables.encoding.scale, tables.noise
-    yield radius, _positive(radius), "geometry.radius must be positive pixels; got {}."
+    yield not _positive(radius), f"geometry.radius must be positive pixels; got {radius}."
     if camera is not None:
-        yield camera.height, _positive(camera.height), "camera.height must be positive world units; got {}."
+        yield not _positive(camera.height), f"camera.height must be positive world units; got {camera.height}."
         possible = camera.fov_y is None or 0 < camera.fov_y < math.pi
-        yield camera.fov_y, possible, "camera.fov_y must lie between 0 and π rad; got {}."
-    yield scale, _positive(scale), "encoding.scale is the radiance of full scale and must be positive; got {}."
-    if noise is not None:
-        for key, value in (("read", noise.read), ("gain", noise.gain)):
-            rule = f"noise.{key} must be finite and not negative; got {{}}. Correct or remove it."
-            yield value, math.isfinite(value) and value >= 0, rule
+        yield not possible, f"camera.fov_y must lie between 0 and π rad; got {camera.fov_y}."
+    yield not _positive(scale), f"encoding.scale is the radiance of full scale and must be positive; got {scale}."
+    for key, value in (("read", noise.read), ("gain", noise.gain)) if noise is not None else ():
+        possible = math.isfinite(value) and value >= 0
+        yield not possible, f"noise.{key} must be finite and not negative; got {value}. Correct or remove it."
     for number, image in enumerate(tables.image):
-        yield image.exposure, _positive(image.exposure), f"image {number}: exposure must be positive; got {{}}."
+        sentence = f"image {number}: exposure must be positive; got {image.exposure}."
+        yield not _positive(image.exposure), sentence
 
 
 def _positive(value: float | None) -> bool:
-    """True where nothing is stated too."""
+    """Whether a number is positive and finite; True where the file states none."""
     return value is None or (math.isfinite(value) and value > 0)

@@ -1,4 +1,4 @@
-"""The file formats `capture.toml` and scene, as types; reading them with errors that name the file and the mend."""
+"""The formats of capture and scene files as types, and their reader."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class LightTable(_Table):
 
     @property
     def power_stated(self) -> bool:
-        """Whether anything says how strong the light is."""
+        """Whether a key gives the strength of the light."""
         return any(value is not None for value in (self.irradiance, self.intensity, self.radiance))
 
 
@@ -120,7 +120,6 @@ def _explain(message: str, kind: type) -> str:
     """msgspec's message as a sentence in the file's own words."""
     text, _, where = message.partition(" - at `$")
     where = where.rstrip("`").lstrip(".")
-    where = re.sub(r"\[(\d+)\]", r"[\1]", where)
     unknown = re.search(r"unknown field `(.+)`", text)
     if unknown:
         key = unknown.group(1)
@@ -132,28 +131,32 @@ def _explain(message: str, kind: type) -> str:
         return f"the key '{missing.group(1)}' is missing {inside}".rstrip() + "; add it."
     choice = re.search(r"Invalid enum value '?(.+?)'?$", text)
     if choice:
-        known = [str(c) for c in _choices(kind, where) if isinstance(c, str) or type(c) is int]
-        number = " or a number" if any(c in (int, float) for c in _choices(kind, where)) else ""
-        return f"{where}: unknown value '{choice.group(1)}'; expected {' or '.join(known)}{number}."
+        choices = _choices(kind, where)
+        words = [str(value) for value in choices if isinstance(value, str) or type(value) is int]
+        words += ["a number"] if {int, float} & {*choices} else []
+        return f"{where}: unknown value '{choice.group(1)}'; expected {' or '.join(words)}."
     expected = text.replace("Expected", "expected").replace("`", "").replace("array", "a list")
     return f"{where or 'the file'}: {expected}; correct the value."
 
 
 def _fields(kind: type, where: str) -> list[str]:
-    """Keys known in the table at the path `where`, such as `image[...].lights[...]`."""
-    table = next(t for t in _choices(kind, where) if isinstance(t, type) and issubclass(t, msgspec.Struct))
-    return [f.name for f in msgspec.structs.fields(table)]
+    """Keys of the table at the path `where`, such as `image[...].lights[...]`."""
+    return [field.name for field in msgspec.structs.fields(_table(_choices(kind, where)))]
 
 
 def _choices(kind: type, where: str) -> list[Any]:
     """The types, or the literal values, that the path `where` admits."""
-    found: list[Any] = [kind]
+    choices: list[Any] = [kind]
     for name in filter(None, re.sub(r"\[[^\]]*\]", "", where).split(".")):
-        table = next(t for t in found if isinstance(t, type) and issubclass(t, msgspec.Struct))
-        found = _flatten(next(f.type for f in msgspec.structs.fields(table) if f.name == name))
-    return found
+        choices = _flatten(next(f.type for f in msgspec.structs.fields(_table(choices)) if f.name == name))
+    return choices
+
+
+def _table(choices: list[Any]) -> type[msgspec.Struct]:
+    return next(kind for kind in choices if isinstance(kind, type) and issubclass(kind, msgspec.Struct))
 
 
 def _flatten(annotation: Any) -> list[Any]:
+    """The types and literal values that an annotation names at any depth."""
     arguments = getattr(annotation, "__args__", ())
     return [annotation] if not arguments else [t for a in arguments for t in _flatten(a)]

@@ -1,4 +1,4 @@
-"""Reading image files: every format as H×W×C arrays in RGB order, integers kept as stored."""
+"""Image files as arrays [H, W, C] in RGB order; integers stay as they are in the file."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from matest.errors import InputError
 FORMATS = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".exr", ".hdr", ".npy")
 # Bytes at the end of every complete file of a format.
 _END_MARKERS = {".png": b"IEND\xaeB`\x82", ".jpg": b"\xff\xd9", ".jpeg": b"\xff\xd9"}
+# Bytes at the end of a file that are searched for the marker: some programs append a few of their own.
+_TAIL = 4096
 
 
 def read_image(path: Path) -> np.ndarray:
@@ -41,9 +43,9 @@ def read_image(path: Path) -> np.ndarray:
     if image.dtype.kind == "f":
         image = image.astype(np.float32, copy=False)
         if not np.isfinite(image).all():
-            bad = int((~np.isfinite(image)).any(axis=2).sum())
+            count = int((~np.isfinite(image)).any(axis=2).sum())
             raise InputError(
-                f"{path}: expected finite values; {bad} pixels are NaN or infinite. Mask them out by replacing them "
+                f"{path}: expected finite values; {count} pixels are NaN or infinite. Mask them out by replacing them "
                 "with 0 and excluding them in the mask."
             )
     elif image.dtype not in (np.uint8, np.uint16):
@@ -69,10 +71,10 @@ def write_image(path: Path, image: np.ndarray) -> None:
     import cv2
 
     pixels = image[..., ::-1] if image.ndim == 3 and image.shape[2] == 3 else image
-    done, encoded = cv2.imencode(path.suffix, np.ascontiguousarray(pixels))
-    if not done:
+    success, content = cv2.imencode(path.suffix, np.ascontiguousarray(pixels))
+    if not success:
         raise OSError(f"{path}: the image could not be encoded.")
-    path.write_bytes(encoded.tobytes())
+    path.write_bytes(content.tobytes())
 
 
 def read_mask(path: Path) -> np.ndarray:
@@ -98,7 +100,7 @@ def _read_opencv(path: Path) -> np.ndarray:
     data = path.read_bytes()
     ending = _END_MARKERS.get(path.suffix.lower())
     # Decoders fill the missing part of a truncated file with grey or zeros and only warn.
-    if ending and ending not in data[-4096:]:
+    if ending and ending not in data[-_TAIL:]:
         raise _unreadable(path, f"the file is truncated after {len(data)} bytes, its end marker is missing")
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)

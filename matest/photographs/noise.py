@@ -1,4 +1,4 @@
-"""The noise of a camera: read and photon noise, rounding to integers, and both estimated from its own photographs."""
+"""The noise of a camera: from read-out, photons and rounding to integers, as stated or estimated from photographs."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from matest.scene import Surface
 
 # Relative error of float images that no noise model describes: rounding and geometry.
 FLOAT_FLOOR = 1e-4
-# Smallest peak signal that `FLOAT_FLOOR` multiplies, fractions of full scale: black images get a noise above 0 too.
+# Smallest peak signal for `FLOAT_FLOOR`, fractions of full scale: the noise of black images must not be 0.
 _MIN_PEAK = 1e-30
-# Images that noise is estimated from, at most: their pixels determine two numbers well enough.
+# Most images from which noise is estimated: their pixels determine two numbers well enough.
 _NOISE_IMAGES = 8
-# Pixels of the smallest sample whose noise is estimated: fewer have too uncertain medians.
+# Fewest pixels from which noise is estimated: the medians of fewer are too uncertain.
 _MIN_PIXELS = 100
-# Signal below this share of the brightest is in shadow and says nothing of the gain.
+# Smallest signal from which the gain is estimated, share of the brightest: pixels below it are in shadow.
 _SHADOW_SHARE = 1e-3
-# Classes of brightness, at most: a line needs no more points.
+# Most classes of brightness: a line needs no more points.
 _MAX_CLASSES = 20
-# Pixels of a class on average, at least, so that its median is certain to about 20 %.
+# Fewest pixels of a class on average: its median is then certain to about 20 %.
 _CLASS_PIXELS = 50
-# Pixels of the smallest class that is used.
+# Fewest pixels of a class that counts: equal brightness may leave classes nearly empty.
 _MIN_CLASS_PIXELS = 20
 # Second difference along rows and columns: 0 for planes and for curvature along rows or columns alone.
 _SECOND_DIFFERENCE = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float64)
@@ -62,7 +62,7 @@ def stated_noise(stated: Noise, encoding: Encoding, pixels: np.ndarray) -> Noise
 
 
 def noise_of_photographs(stored: Sequence[np.ndarray], encoding: Encoding, surface: Surface) -> Noise:
-    """The noise estimated from photographs of a surface.
+    """An estimate of the noise from photographs of a surface.
 
     Args:
         stored: per image the surface's pixels [N, C] as in the file.
@@ -113,13 +113,13 @@ def rounding(encoding: Encoding, dtype: np.dtype) -> tuple[float, float]:
     """
     if dtype.kind != "u" or encoding.transfer == "linear":
         return 0.0, 1.0
-    slope, power = (2.4 / 1.055, 1.4 / 2.4) if encoding.transfer == "srgb" else _power_law(float(encoding.transfer))
-    return (slope / full_scale(dtype)) ** 2 / 12, 2 * power
-
-
-def _power_law(gamma: float) -> tuple[float, float]:
-    """Factor and power of the derivative of code^gamma, by the signal."""
-    return gamma, max(1 - 1 / gamma, 0.0)
+    # The derivative of the signal by the code, as a factor times a power of the signal.
+    if encoding.transfer == "srgb":
+        factor, power = 2.4 / 1.055, 1.4 / 2.4
+    else:
+        factor = float(encoding.transfer)
+        power = max(1 - 1 / factor, 0.0)
+    return (factor / full_scale(dtype)) ** 2 / 12, 2 * power
 
 
 def estimate_noise(

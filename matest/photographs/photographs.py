@@ -69,7 +69,7 @@ class Photographs:
         """Geometry and photometry of every lit pixel, tile by tile.
 
         Args:
-            images: whose pixels; None: all.
+            images: that give pixels; None: all.
             distinct: leave out images and channels that add nothing to the others; the samples' `redundancy` names
                 them.
             every_channel: with `distinct`, keep channels that are copies nevertheless.

@@ -1,4 +1,4 @@
-"""From pixel values to radiance."""
+"""From pixel values to radiance, and back."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Encoding:
         scale: radiance of full scale.
         black: pedestal as a fraction of full scale; a number, or per object pixel and channel [N, C].
         flat: flat field per object pixel [N, C], divided out; None = 1.
-        saturation: fraction of full scale (as stored) from which on a pixel is saturated; None = never.
+        saturation: smallest saturated value, fraction of full scale before any decoding; None = never.
     """
 
     transfer: str | float = "linear"
@@ -98,7 +98,7 @@ class Encoding:
 
 
 def srgb(linear: np.ndarray) -> np.ndarray:
-    """8-bit sRGB from linear values, white at 1: for pictures that people look at."""
+    """8-bit sRGB of linear values, white at 1, for a screen."""
     return np.round(255 * Encoding("srgb").encoded(np.clip(linear, 0, 1))).astype(np.uint8)
 
 

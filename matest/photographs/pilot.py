@@ -1,4 +1,4 @@
-"""A stratified subsample: few samples, but every angle that carries information."""
+"""A small sample of photographs in which every class of half angle has its share."""
 
 from __future__ import annotations
 
@@ -16,15 +16,17 @@ from matest.workers import in_threads
 # Classes of the angle between half vector and normal, degrees: highlights are small and must not be missed.
 _HALF_ANGLES = torch.tensor([2.0, 4.0, 8.0, 16.0, 32.0])
 CLASSES = len(_HALF_ANGLES) + 1
-# Pixels whose half angle is computed for each sample of the pilot: enough to fill small classes.
+# Pixels with a known half angle for each sample of the pilot: enough to fill small classes.
 _CANDIDATES = 8
-# Images of fewer usable pixels are classified whole: it takes a few milliseconds.
+# Pixels of an image that are all candidates: to classify so many takes a few milliseconds.
 _ALL_CANDIDATES = 16_384
+# Fewest samples of an image, however many images there are: some for each class.
+_MIN_QUOTA = 256
 
 
 def pilot(pixels: LitPixels, count: int, seed: int) -> list[Batch]:
     """About `count` samples, spread evenly over images and half angles; one batch per image."""
-    quota = max(count // max(len(pixels.images), 1), 256)
+    quota = max(count // max(len(pixels.images), 1), _MIN_QUOTA)
 
     def draw(position: int) -> list[Batch]:
         image, usable, available = pixels.images[position], pixels.usable(position), pixels.counts[position]
@@ -32,7 +34,7 @@ def pilot(pixels: LitPixels, count: int, seed: int) -> list[Batch]:
             return []
         generator = np.random.default_rng((seed, position))
         if available > max(_CANDIDATES * quota, _ALL_CANDIDATES):
-            # Enough pixels that the wanted number among them is usable.
+            # Draw so many pixels that about `_CANDIDATES * quota` of them are usable.
             index = _one_per_stratum(len(usable), _CANDIDATES * quota * len(usable) // available, generator)
             index = index[usable[index]]
         else:
@@ -62,27 +64,21 @@ def _even(pixels: LitPixels, image: int, index: np.ndarray, quota: int, generato
     counts = np.bincount(classes, minlength=CLASSES)
     ends = counts.cumsum()
     selection, remaining = [], quota
-    for done, label in enumerate(np.argsort(counts)):
+    for rank, label in enumerate(np.argsort(counts)):
         # The smallest classes come first and give all their pixels; the larger ones share the remaining quota.
-        size = min(int(counts[label]), remaining // (CLASSES - done))
+        size = min(int(counts[label]), remaining // (CLASSES - rank))
         selection.append(members[ends[label] - counts[label] :][:size])
         remaining -= size
     return index[np.sort(np.concatenate(selection))]
 
 
 def half_angles(pixels: LitPixels, image: int, index: np.ndarray) -> np.ndarray:
-    """Class of the smallest half angle among the lights that each pixel faces, uint8 [n]."""
-    scene, selection = pixels.photographs.scene, torch.from_numpy(index)
-    surface, shadows = scene.surface, scene.shadows[image] if scene.shadows else None
-    normals = surface.normals_as(torch.float32).detach().index_select(0, selection)
+    """Class of the smallest half angle among the lights that reach each pixel, uint8 [n]."""
+    surface, selection = pixels.photographs.scene.surface, torch.from_numpy(index)
+    normals = surface.normals_as(torch.float32).detach()[selection]
     view = surface.toward_viewer(selection).detach().float()
-    positions = scene.near_positions(image, selection)
-    positions = None if positions is None else positions.detach().float()
-    nearest = torch.zeros(len(normals))
-    for number, light in enumerate(scene.lights[image]):
-        toward, _ = light.to(torch.float32, "cpu").at(positions)
-        faces = dot(normals, toward) > 0
-        if shadows is not None:
-            faces &= torch.from_numpy(~shadows[number][index])
-        nearest = torch.maximum(nearest, dot(normals, torch.nn.functional.normalize(toward + view, dim=-1)) * faces)
-    return torch.bucketize(-nearest, -torch.cos(torch.deg2rad(_HALF_ANGLES))).to(torch.uint8).numpy()
+    largest = torch.zeros(len(normals))
+    for toward, reaches in pixels.lights(image, selection):
+        cosine = dot(normals, torch.nn.functional.normalize(toward + view, dim=-1))
+        largest = torch.maximum(largest, cosine * reaches)
+    return torch.bucketize(-largest, -torch.cos(torch.deg2rad(_HALF_ANGLES))).to(torch.uint8).numpy()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -23,25 +24,25 @@ from matest.workers import in_threads
 if TYPE_CHECKING:
     from matest.photographs.photographs import Photographs
 
-# Where cast shadows are unknown, a pixel counts as lit where the mean of 3×3 pixels is this many standard deviations of
-# one pixel's noise above black. That is nine of the mean's, which noise alone does not reach.
+# Standard deviations of one pixel's noise above which the mean of 3×3 pixels shows light, where cast shadows are
+# unknown. They are nine standard deviations of that mean, which noise alone does not reach.
 _LIT_DEVIATIONS = 3.0
-# Share of the variance of rounding at white that counts there: mid-tones have about a quarter of it.
+# Share of the variance of rounding at white that noise has there: that of mid-tones is about a quarter of it.
 _MIDTONE_ROUNDING = 0.25
-# Blocks of pixels along each side of the object: errors may be correlated within a block. Sixteen of them suffice for
-# a jackknife.
+# Blocks of pixels along each side of the object. Errors may be correlated within a block; the 16 blocks suffice for a
+# jackknife.
 _BLOCKS_ACROSS = 4
 # Blocks of the object.
 BLOCKS = _BLOCKS_ACROSS**2
 
 
 class _Selection(NamedTuple):
-    """Which pixels of each image are usable, one bit each, and what was skipped.
+    """The usable pixels of each image, and the number of the others.
 
     Attributes:
-        usable: per image, packed bits [N].
+        usable: per image, one bit for each of the N pixels, packed.
         counts: usable pixels per image.
-        skipped: number of pixels left out, by reason.
+        skipped: number of pixels by the reason to leave them out.
     """
 
     usable: list[np.ndarray]
@@ -52,10 +53,9 @@ class _Selection(NamedTuple):
 class LitPixels:
     """The usable pixels of some of the photographs.
 
-    `skipped` counts the pixels that are left out: background, shadowed (attached and cast shadows, the latter with
-    their edge; on a surface without a mesh also pixels too dark for the sensor) and rim (pixels that may mix object
-    and background). It also counts pixels with a saturated channel. These are not left out: such a channel says that
-    its radiance is at least that high.
+    `skipped` counts the other pixels: background, shadowed (attached shadows, cast shadows and their edges; on a
+    surface without a mesh also pixels too dark for the sensor) and rim (pixels that may mix object and background). It
+    also counts pixels with a saturated channel. These are usable: their radiance is at least that of saturation.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class LitPixels:
         self.images = images
         self.dtype = dtype
         self.device = device
-        # Images and channels that are left out, and why.
+        # The images and channels that are not used, and why.
         self.redundancy = redundancy or Redundancy()
 
     @cached_property
@@ -86,12 +86,12 @@ class LitPixels:
             self.photographs.release(image)
             return np.packbits(usable), int(dark.sum()), 0 if saturated is None else int((usable & saturated).sum())
 
-        selected = list(in_threads(select, self.images))
-        usable_bits = [bits for bits, _, _ in selected]
+        by_image = list(in_threads(select, self.images))
+        usable_bits = [bits for bits, _, _ in by_image]
         skipped = {
             "background": background * len(self.images),
-            "shadowed": sum(dark for _, dark, _ in selected),
-            "saturated": sum(saturated for _, _, saturated in selected),
+            "shadowed": sum(dark for _, dark, _ in by_image),
+            "saturated": sum(saturated for _, _, saturated in by_image),
             "rim": int(surface.rim.sum()) * len(self.images),
             "redundant": 0,
         }
@@ -108,23 +108,30 @@ class LitPixels:
     def _lit(self, image: int) -> np.ndarray:
         """True where some light, or ambient light, reaches the pixel, and no shadow edge crosses it."""
         scene = self.photographs.scene
-        surface = scene.surface
-        lit = np.full(len(surface), bool((scene.ambient[image] > 0).any()))
-        shadows = scene.shadows[image] if scene.shadows else None
-        normals = surface.normals_as(torch.float32)
-        positions = scene.near_positions(image)
-        positions = None if positions is None else positions.float()
-        for number, light in enumerate(scene.lights[image]):
-            toward, _ = light.to(torch.float32, "cpu").at(positions)
-            faces = (dot(normals, toward) > 0).numpy()
-            lit |= faces if shadows is None else faces & ~shadows[number]
+        lit = np.full(len(scene.surface), bool((scene.ambient[image] > 0).any()))
+        for _, reaches in self.lights(image):
+            lit |= reaches.numpy()
         edge = scene.shadow_edge[image] if scene.shadow_edge else None
         return lit if edge is None else lit & ~edge
+
+    def lights(self, image: int, index: Tensor | slice = slice(None)) -> Iterator[tuple[Tensor, Tensor]]:
+        """Unit vectors to each light of an image [1 or n, 3], and which of the pixels `index` it reaches, bool [n]."""
+        scene = self.photographs.scene
+        shadows = scene.shadows[image] if scene.shadows else None
+        normals = scene.surface.normals_as(torch.float32).detach()[index]
+        positions = scene.near_positions(image, index)
+        positions = None if positions is None else positions.detach().float()
+        for number, light in enumerate(scene.lights[image]):
+            toward, _ = light.to(torch.float32, "cpu").at(positions)
+            reaches = dot(normals, toward) > 0
+            if shadows is not None:
+                reaches &= torch.from_numpy(~shadows[number])[index]
+            yield toward, reaches
 
     def _dark(self, image: int) -> np.ndarray:
         """True where no channel is above the noise, on a surface whose cast shadows cannot be traced [N].
 
-        The mean of 3×3 pixels decides: a choice by the noisy pixel itself would bias the pixels that remain.
+        The mean of 3×3 pixels decides: a choice by a pixel's own noise would bias the values of the usable pixels.
         """
         photographs = self.photographs
         surface = photographs.scene.surface
@@ -206,7 +213,7 @@ class LitPixels:
         return Limits(*(as_tensor(end * scale, self.dtype, self.device) for end in ends))
 
     def readout(self, image: int, index: np.ndarray) -> Readout:
-        """Noise of some pixels of an image."""
+        """Coefficients of the noise of some pixels of an image."""
         photographs = self.photographs
         flat = photographs.encoding.flat
         scale = np.full((1, 1), photographs.encoding.scale / photographs.exposures[image])

@@ -14,16 +14,16 @@ from matest.samples.redundancy import Redundancy
 if TYPE_CHECKING:
     from matest.photographs.photographs import Photographs
 
-# Pixels compared first: they tell most images apart, and the rest of these is not read from disk.
+# Pixels that are compared first: they differ in most pairs of images, whose other pixels then stay on disk.
 _EXCERPT = 1024
-# Largest share of pixels that differ from the median in an even image: dust and hot pixels are fewer.
+# Largest share of the pixels of an even image that differ from its median: dust and hot pixels are fewer.
 _EVEN_SHARE = 0.01
 
 
 def without_copies(photographs: Photographs) -> Photographs:
-    """One channel where all channels are copies of it: a grey image stored as a coloured one.
+    """The same photographs with one channel, if all channels are copies of it: grey images in a format for colours.
 
-    The noise of the copies is the same. If they counted as independent, it would count once per channel.
+    Copies have the same noise. Counted as independent values, they would make error bars too small.
     """
     if photographs.channels == 1 or not all(_alike(tensor) for tensor in _colours(photographs)):
         return photographs
@@ -63,23 +63,22 @@ def redundancy(photographs: Photographs, images: Iterable[int]) -> Redundancy:
 
 
 def _twins(photographs: Photographs, images: Iterable[int]) -> dict[int, int]:
-    """The images that equal an earlier one pixel by pixel, each with that one.
+    """Images with the pixels of an earlier one, each with that one.
 
-    If several earlier ones are equal, it is one stated to be under the same light.
+    Of several such it is the first under the same stated light, or else the first.
     """
     twins: dict[int, int] = {}
     by_excerpt: dict[bytes, list[int]] = {}
     for image in images:
         pixels = photographs.stored[image]
         # Adding 0 makes −0 and 0 the same bytes.
-        others = by_excerpt.setdefault((_excerpt(pixels) + 0).tobytes(), [])
-        if others:
-            same = [other for other in others if np.array_equal(pixels, photographs.stored[other])]
-            same.sort(key=lambda other: not _stated_alike(photographs, image, other))
-            twins |= {image: same[0]} if same else {}
-        others.append(image)
+        candidates = by_excerpt.setdefault((_excerpt(pixels) + 0).tobytes(), [])
+        equal = [other for other in candidates if np.array_equal(pixels, photographs.stored[other])]
+        if equal:
+            twins[image] = min(equal, key=lambda other: not _stated_alike(photographs, image, other))
+        candidates.append(image)
         # Pixels mapped from a temporary file must not stay in memory.
-        for other in others:
+        for other in candidates:
             photographs.release(other)
     return twins
 

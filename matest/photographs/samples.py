@@ -20,10 +20,11 @@ from matest.scene import Surface
 
 
 class PhotographSamples(LitPixels):
-    """Samples of some photographs: every usable pixel of each.
+    """Samples of some photographs: every usable pixel of each, as `LitPixels` chooses them."""
 
-    `LitPixels` says which pixels are left out, and counted in `skipped`.
-    """
+    def __repr__(self) -> str:
+        values = len(self) * self.channels
+        return f"PhotographSamples({values} values, {self.channels} channels, {len(self.images)} photographs)"
 
     @property
     def channels(self) -> int:
@@ -32,7 +33,7 @@ class PhotographSamples(LitPixels):
 
     @property
     def relative(self) -> bool:
-        """Whether the strength of the lights is known up to one common factor only."""
+        """Whether the strengths of the lights have one unknown factor in common."""
         return self.photographs.relative
 
     @property
@@ -62,7 +63,7 @@ class PhotographSamples(LitPixels):
 
     @cached_property
     def account(self) -> Account:
-        """What to tell people of these samples."""
+        """Facts about these samples for tables and reports."""
         photographs, scene = self.photographs, self.photographs.scene
         sky = bool((scene.ambient > 0).any())
         noise = photographs.noise
@@ -99,7 +100,7 @@ class PhotographSamples(LitPixels):
             size: samples per batch; the last one may be smaller.
             shuffle: mix images and pixels.
             seed: of the permutation.
-            skip: number of batches at the beginning to leave out, for a loop that goes on where it stopped.
+            skip: number of first batches to leave out, for a loop that was interrupted after so many.
         """
         starts = np.cumsum([0, *self.counts])
         order = np.arange(starts[-1])

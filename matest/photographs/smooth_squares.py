@@ -1,4 +1,4 @@
-"""Where smooth squares of pixels lie on a surface, and the few samples that replace the pixels of each.
+"""The smooth squares of pixels on a surface, and the few samples that replace the pixels of each.
 
 Small squares have 7×7 pixels. Over one of a smooth surface radiance is bilinear in row and column, to third order.
 Least squares then need only the four bilinear coefficients of its 49 values. Four samples at ±2 rows and columns from
@@ -39,8 +39,8 @@ _SMALL_STEPS = (-9, -5, -2, 2, 5, 9)
 _LARGE_STEPS = (-8, 0, 8)
 # Rows (and columns) where radiance is compared with the biquadratic: half-way between its samples.
 _LARGE_CHECKS = (-4, 4)
-# Radians (of normals and views; share of the lights' distance of positions; share of the sky) by which the geometry of
-# a smooth square may leave its polynomial. Creases, edges and noisy normals leave it by more.
+# Largest difference between the geometry of a smooth square and its polynomial: rad of normals and views, share of the
+# lights' distance of positions, share of the sky. Creases, edges and noisy normals differ by more.
 _SMOOTH = 5e-4
 
 

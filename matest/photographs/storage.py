@@ -1,4 +1,4 @@
-"""Storage of the pixels of photographs: in memory up to a budget, in temporary files beyond it."""
+"""Storage of the pixels of photographs: in memory up to a limit, in temporary files beyond it."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from threading import Lock
 
 import numpy as np
 
-# Bytes of pixels that stay in memory (96 MiB), so that memory does not grow with the number of images.
+# Most bytes of pixels in memory (96 MiB), so that memory does not grow with the number of images.
 MEMORY_BUDGET = 96 << 20
 
 
 class Storage:
-    """Keeps arrays in memory up to the budget, and beyond it in temporary files that vanish with them."""
+    """Keeps arrays in memory until they fill the budget, and later ones in temporary files that vanish with them."""
 
     def __init__(self) -> None:
         self._bytes = 0
@@ -23,9 +23,8 @@ class Storage:
         """The array itself, or the same values mapped from a temporary file."""
         with self._lock:
             self._bytes += array.nbytes
-            fits = self._bytes <= MEMORY_BUDGET
-        if fits:
-            return array
+            if self._bytes <= MEMORY_BUDGET:
+                return array
         with tempfile.TemporaryFile() as file:
             mapped = np.memmap(file, dtype=array.dtype, shape=array.shape, mode="w+")
         mapped[:] = array

@@ -11,20 +11,20 @@ from matest.photographs.pixels import LitPixels
 from matest.samples.batch import join
 from matest.samples.tiles import Tile
 
-# Images whose pixels are in memory at once: enough tiles for all workers, and memory does not grow with the images.
+# Images whose pixels are in memory at once: they have tiles for all workers, and memory does not grow with the images.
 _IMAGES_AT_ONCE = 4
-# Captures with fewer samples are worked on in two tiles: every tile costs as much as a thousand samples.
+# Samples of the largest capture of two tiles: a tile of its own for each image would cost more than it holds.
 _TWO_TILES = 1 << 18
 
 
 @dataclass(frozen=True)
 class ImageTiles:
-    """All samples, a few images at a time and tile by tile; a tile is computed when a worker asks for it.
+    """Functions that make the tiles of all samples, in lists of a few images each.
 
     Attributes:
-        pixels: that the samples are of.
+        pixels: of the photographs.
         residual_scale: see `likelihood.about`.
-        merge: let a few samples replace the pixels of a smooth square (`PixelMerger`).
+        merge: whether a few samples replace the pixels of a smooth square (`PixelMerger`).
     """
 
     pixels: LitPixels
@@ -40,7 +40,7 @@ class ImageTiles:
         tiles = [[partial(merger.tile, k, part) for part in range(merger.parts(k))] for k in images]
         if not merger.squares.small.size and len(self.pixels) < _TWO_TILES:
             half = (len(images) + 1) // 2
-            yield [partial(_joined, some) for some in (tiles[:half], tiles[half:]) if some]
+            yield [partial(_join_tiles, some) for some in (tiles[:half], tiles[half:]) if some]
             return
         for first in range(0, len(images), _IMAGES_AT_ONCE):
             yield [tile for some in tiles[first : first + _IMAGES_AT_ONCE] for tile in some]
@@ -48,7 +48,7 @@ class ImageTiles:
                 self.pixels.photographs.release(self.pixels.images[k])
 
 
-def _joined(tiles: Sequence[Sequence[Callable[[], Tile]]]) -> Tile:
-    """One tile of several; empty ones are left out."""
+def _join_tiles(tiles: Sequence[Sequence[Callable[[], Tile]]]) -> Tile:
+    """One tile of several, without the empty ones."""
     parts = [tile().batch for some in tiles for tile in some]
     return Tile(join([part for part in parts if len(part)] or parts[:1]))

@@ -30,6 +30,9 @@ class Batch:
     pixels: Tensor | None = None
     groups: Tensor | None = None
 
+    def __repr__(self) -> str:
+        return f"Batch({self.radiance.numel()} values, {self.radiance.shape[-1]} channels)"
+
     def __len__(self) -> int:
         return len(self.radiance)
 

@@ -15,10 +15,12 @@ from matest.errors import InputError
 
 @dataclass(frozen=True)
 class Camera:
-    """Pose and projection of a camera looking from `position` to `target` with `up` upward in the image.
+    """Pose and projection of a camera at `position` that looks to `target`, with `up` upward in the image.
 
-    Exactly one of `height` (orthographic: world units across the image height), `fov_y` (perspective: vertical field
-    of view, rad) and `matrix` (perspective: 3×3 pinhole matrix in pixels) is set. `distortion` holds OpenCV's
+    The default is the distant viewer of normal maps and spheres: orthographic, along z.
+
+    At most one of `height` (orthographic: world units across the image height), `fov_y` (perspective: vertical field
+    of view, rad) and `matrix` (perspective: 3×3 pinhole matrix in pixels) is set. `distortion` has OpenCV's
     k1, k2, p1, p2[, k3].
 
     Raises:
@@ -34,8 +36,9 @@ class Camera:
     distortion: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        sideways = np.cross(self.up, np.subtract(self.position, self.target))
-        lengths = np.linalg.norm(self.up) * np.linalg.norm(np.subtract(self.position, self.target))
+        backward = np.subtract(self.position, self.target)
+        sideways = np.cross(self.up, backward)
+        lengths = np.linalg.norm(self.up) * np.linalg.norm(backward)
         if not np.linalg.norm(sideways) > 1e-9 * lengths or not np.isfinite(lengths):
             raise InputError(
                 "camera: position, target and up must differ and up must not point along the line of sight; "
@@ -84,7 +87,7 @@ class Camera:
         return np.array([[focal, 0, shape[1] / 2], [0, focal, shape[0] / 2], [0, 0, 1]])
 
     def _normalised(self, shape: tuple[int, int], x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Image-plane coordinates at unit distance (x right, y down), lens distortion taken out."""
+        """Image-plane coordinates at unit distance (x right, y down), without lens distortion."""
         matrix = self.pixel_matrix(shape)
         if any(self.distortion):
             import cv2
@@ -100,8 +103,3 @@ class Camera:
         if self.orthographic:
             return np.full_like(distance, (self.height or 1.0) / shape[0])
         return distance / self.pixel_matrix(shape)[1, 1]
-
-
-def frontal() -> Camera:
-    """The distant viewer of normal maps and spheres: orthographic, along z."""
-    return Camera(position=(0.0, 0.0, 1.0))

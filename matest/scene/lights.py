@@ -1,4 +1,4 @@
-"""Light sources: distant and near, behind one protocol."""
+"""Distant and near light sources, which share one protocol, and the light of the sky."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Light(Protocol):
         ...
 
     def channel(self, index: int) -> Self:
-        """The same light as one channel sees it, C = 1."""
+        """The same light in one channel only, C = 1."""
         ...
 
     def to(self, dtype: torch.dtype, device: torch.device | str) -> Self: ...
@@ -152,7 +152,7 @@ def sky_channels(ambient: Tensor | None) -> int:
     return 1 if ambient is None else ambient.shape[-1]
 
 
-def joined_sky(parts: Sequence[Tensor | None], counts: Sequence[int], like: Tensor) -> Tensor | None:
+def join_skies(parts: Sequence[Tensor | None], counts: Sequence[int], like: Tensor) -> Tensor | None:
     """Light of the sky at several batches of points in a row [n, C]; None where none of them has a sky.
 
     Args:

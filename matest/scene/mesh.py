@@ -9,7 +9,7 @@ import numpy as np
 
 from matest.errors import InputError
 
-# Faces of the largest mesh that is tested for convexity: for more the hull takes longer than shadow rays.
+# Most faces of a mesh that is tested for convexity: the hull of more takes longer than shadow rays.
 _MAX_HULL_FACES = 50_000
 # Share of its hull's volume that a convex mesh may lack: rounding of its vertices.
 _CONVEX_TOLERANCE = 1e-4
@@ -18,7 +18,7 @@ _SMOOTH_ANGLE = np.deg2rad(45)
 
 
 class Mesh:
-    """A triangle mesh with smooth normals, made for casting many rays at.
+    """A triangle mesh with smooth normals that many rays can be cast at.
 
     Args:
         vertices: [V, 3].
@@ -36,7 +36,7 @@ class Mesh:
 
     @classmethod
     def load(cls, path: Path) -> Mesh:
-        """Read anything trimesh reads; scenes are joined into one mesh.
+        """Read any file that trimesh reads; several objects become one mesh.
 
         Raises:
             InputError: unreadable, or without triangles.
@@ -44,8 +44,8 @@ class Mesh:
         import trimesh
 
         try:
-            loaded = trimesh.load_scene(path, process=False)
-            mesh = loaded.to_mesh()
+            scene = trimesh.load_scene(path, process=False)
+            mesh = scene.to_mesh()
         except Exception as error:  # trimesh passes on whatever its many parsers raise
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
             raise InputError(
@@ -57,7 +57,7 @@ class Mesh:
                 f"{path}: expected a mesh with triangles and finite vertices; got "
                 f"{len(getattr(mesh, 'faces', ()))} triangles. Export the surface, not only points or lines."
             )
-        return cls(np.asarray(mesh.vertices), np.asarray(mesh.faces), _normals_of_file(loaded))
+        return cls(np.asarray(mesh.vertices), np.asarray(mesh.faces), _normals_of_file(scene))
 
     @cached_property
     def _corner_normals(self) -> np.ndarray:
@@ -71,12 +71,12 @@ class Mesh:
         smooth = mesh.face_adjacency_angles < _SMOOTH_ANGLE
         pairs, edges = mesh.face_adjacency[smooth], mesh.face_adjacency_edges[smooth]
         # Corners (3·face + index in the face) of two faces on a smooth edge share their normal at both of its vertices.
-        joined = [
+        corners = [
             3 * pairs[:, side] + (mesh.faces[pairs[:, side]] == edges[:, end, None]).argmax(axis=1)
             for end in (0, 1)
             for side in (0, 1)
         ]
-        rows, columns = np.concatenate(joined[0::2]), np.concatenate(joined[1::2])
+        rows, columns = np.concatenate(corners[0::2]), np.concatenate(corners[1::2])
         size = 3 * len(mesh.faces)
         _, group = connected_components(coo_matrix((np.ones(len(rows)), (rows, columns)), (size, size)), directed=False)
         weighted = mesh.face_angles[:, :, None] * mesh.face_normals[:, None, :]

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from matest.directions import to_local
-from matest.scene.lights import Light, joined_sky, sky_at, sky_channels
+from matest.scene.lights import Light, join_skies, sky_at, sky_channels
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def illuminate(
 
 
 def join_points(parts: Sequence[Points], counts: Sequence[int]) -> Points:
-    """The points of several batches of so many points each; those with fewer lights get dark ones."""
+    """The points of several batches in a row, `counts` of each; those with fewer lights get dark ones."""
     lights = max(part.wi.shape[-2] for part in parts)
     channels = max(part.irradiance.shape[-1] for part in parts)
     spread = [_spread(part, count, lights) for part, count in zip(parts, counts, strict=True)]
@@ -89,12 +89,12 @@ def join_points(parts: Sequence[Points], counts: Sequence[int]) -> Points:
         torch.cat([part.wi for part in spread]),
         torch.cat([part.wo for part in spread]),
         irradiance,
-        joined_sky([part.ambient for part in parts], counts, irradiance),
+        join_skies([part.ambient for part in parts], counts, irradiance),
     )
 
 
 def _spread(points: Points, count: int, lights: int) -> Points:
-    """Points with every tensor at full size and dark lights added up to `lights`."""
+    """Points with every tensor at full size, and with dark lights so that there are `lights`."""
     missing = lights - points.wi.shape[-2]
     wi = points.wi.expand(count, -1, -1)
     irradiance = points.irradiance.expand(count, -1, -1)

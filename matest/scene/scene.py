@@ -75,11 +75,11 @@ class Scene:
             shadows = np.stack([shadow for shadow in traced if shadow is not None])
             return shadows, np.any([shadow_edges(self.surface, shadow) for shadow in shadows], axis=0)
 
-        results = list(in_threads(trace, self.lights))
+        shadows, edges = zip(*in_threads(trace, self.lights), strict=True)
         return dataclasses.replace(
             self,
-            shadows=tuple(r[0] for r in results),
-            shadow_edge=tuple(r[1] for r in results),
+            shadows=shadows,
+            shadow_edge=edges,
             unoccluded=unoccluded_fraction(self.surface) if bool((self.ambient > 0).any()) else None,
         )
 

@@ -8,9 +8,10 @@ from functools import cached_property
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn.functional import normalize
 
 from matest.errors import InputError
-from matest.scene.camera import Camera, frontal
+from matest.scene.camera import Camera
 from matest.scene.mesh import Mesh
 
 # Pixels from the silhouette within which a pixel may mix object and background: optics and mask are accurate to about
@@ -26,8 +27,8 @@ class Surface:
         shape: (H, W).
         pixels: flat row-major indices, ascending [N].
         normals: unit normals in world coordinates, facing the viewer [N, 3].
-        view: unit vectors to the viewer, [N, 3] or [1, 3] if it is the same everywhere; follows from `eye` and
-            `positions` where both are known.
+        view: unit vectors to the viewer, [N, 3] or [1, 3] if it is the same everywhere; computed from `eye` and
+            `positions` where there are both.
         positions: in world units [N, 3], or None where only normals are known.
         rim: True where the pixel touches a silhouette and may mix two surfaces [N].
         faces: triangle seen by each pixel [N] if the surface is a mesh.
@@ -51,7 +52,7 @@ class Surface:
 
     def __post_init__(self) -> None:
         if self.eye is not None and self.positions is not None:
-            object.__setattr__(self, "view", _unit(self.eye.detach() - self.positions.detach()))
+            object.__setattr__(self, "view", normalize(self.eye.detach() - self.positions.detach(), dim=-1))
 
     def __len__(self) -> int:
         return len(self.pixels)
@@ -79,14 +80,14 @@ class Surface:
         moving = any(value is not None and value.requires_grad for value in (self.eye, self.positions))
         if moving and self.eye is not None and self.positions is not None:
             # Computed at every call, because an optimiser changes positions in place.
-            return _unit(self.eye - self.positions[index])
+            return normalize(self.eye - self.positions[index], dim=-1)
         return self.view if len(self.view) == 1 else self.view[index]
 
     def image(self, values: np.ndarray, background: float = 0.0) -> np.ndarray:
         """Values [N, ...] of the object's pixels laid out as an image H×W×…"""
-        out = np.full((self.shape[0] * self.shape[1], *values.shape[1:]), background, dtype=values.dtype)
-        out[self.pixels] = values
-        return out.reshape(*self.shape, *values.shape[1:])
+        image = np.full((self.shape[0] * self.shape[1], *values.shape[1:]), background, dtype=values.dtype)
+        image[self.pixels] = values
+        return image.reshape(*self.shape, *values.shape[1:])
 
     def take(self, selection: np.ndarray) -> Surface:
         """The same surface restricted to some of its pixels (boolean [N])."""
@@ -127,10 +128,9 @@ def from_mesh(mesh: Mesh, camera: Camera, shape: tuple[int, int], mask: np.ndarr
     normals = mesh.interpolated_normals(faces, positions)
     view = -directions[hit]
     # A smooth-shaded normal may point away from the viewer at the limb; such pixels are left out.
-    facing = np.einsum("ij,ij->i", normals, view) > 0
-    rim = _rim(
-        shape, candidates[hit], distance, camera.footprint(shape, distance), np.einsum("ij,ij->i", normals, view)
-    )
+    cos_o = np.einsum("ij,ij->i", normals, view)
+    facing = cos_o > 0
+    rim = _rim(shape, candidates[hit], distance, camera.footprint(shape, distance), cos_o)
     surface = Surface(
         shape=shape,
         pixels=candidates[hit],
@@ -151,8 +151,8 @@ def from_mesh(mesh: Mesh, camera: Camera, shape: tuple[int, int], mask: np.ndarr
 def from_normals(
     normals: np.ndarray, camera: Camera | None, mask: np.ndarray | None = None, positions: np.ndarray | None = None
 ) -> Surface:
-    """A surface known by its normal map H×W×3 (x right, y up, z toward the viewer; zero or NaN = background)."""
-    camera = camera or frontal()
+    """The surface of a normal map H×W×3 (x right, y up, z toward the viewer; zero or NaN = background)."""
+    camera = camera or Camera()
     shape = (normals.shape[0], normals.shape[1])
     length = np.linalg.norm(normals, axis=-1)
     inside = np.isfinite(length) & (length > 0.5)
@@ -162,14 +162,14 @@ def from_normals(
     _, directions = camera.rays(shape, pixels)
     unit = normals.reshape(-1, 3)[pixels].astype(np.float64)
     unit /= np.linalg.norm(unit, axis=1, keepdims=True)
-    located = None if positions is None else positions.reshape(-1, 3)[pixels].astype(np.float64)
+    points = None if positions is None else positions.reshape(-1, 3)[pixels].astype(np.float64)
     view = -directions
     surface = Surface(
         shape=shape,
         pixels=pixels,
         normals=torch.from_numpy(unit),
         view=torch.from_numpy(view[:1].copy() if camera.orthographic else view),
-        positions=None if located is None else torch.from_numpy(located),
+        positions=None if points is None else torch.from_numpy(points),
         rim=_rim(shape, pixels),
         eye=_eye(camera),
     )
@@ -240,10 +240,6 @@ def _eye(camera: Camera) -> Tensor | None:
     return None if camera.orthographic else torch.tensor(camera.position, dtype=torch.float64)
 
 
-def _unit(vectors: Tensor) -> Tensor:
-    return vectors / vectors.norm(dim=-1, keepdim=True)
-
-
 def _rim(
     shape: tuple[int, int],
     pixels: np.ndarray,
@@ -263,7 +259,7 @@ def _rim(
         allowed = np.zeros(shape)
         allowed.flat[pixels] = footprint * (2 + 4 * np.sqrt(2) / np.clip(cos_o, 0.02, None))
         kernel = np.ones((3, 3), np.uint8)
-        span = cv2.dilate(depth, kernel) - cv2.erode(depth, kernel)
+        span = cv2.morphologyEx(depth, cv2.MORPH_GRADIENT, kernel)
         within = cv2.erode(inside, kernel) > 0
         inside[within & (span > allowed)] = 0
     size = 2 * RIM_WIDTH + 1

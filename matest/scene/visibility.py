@@ -1,4 +1,4 @@
-"""Cast shadows: which object pixels each light reaches, and how much of the sky."""
+"""Cast shadows: the pixels that each light reaches, and the share of the sky that each pixel sees."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from matest.workers import in_threads
 _SKY_RAYS = 128
 # Pixels whose sky is traced at once: a million rays, some 50 MB.
 _SKY_PIXELS = 8_192
-# Distance of a ray's origin from its facet, as a share of the mesh's extent: rays then miss the facet itself.
+# Distance of a ray's origin from its facet, share of the mesh's extent: rays then miss the facet itself.
 _RAY_OFFSET = 1e-4
 
 
 def cast_shadows(surface: Surface, light: Light) -> np.ndarray | None:
     """True where another part of the mesh stands between the pixel and the light [N]; None where nothing can.
 
-    A convex body, and a surface known only by its normals, cast no shadow rays. Where the facet faces away from the
-    light although the smooth normal does not, the ray starts inside the body and the pixel counts as shadowed: on a
-    coarse mesh the place of the terminator is unknown.
+    Nothing can on a convex body or a surface without a mesh. Where the facet faces away from the light although the
+    smooth normal does not, the ray starts inside the body and the pixel counts as shadowed: a coarse mesh does not show
+    where light ends.
     """
     if surface.mesh is None or surface.faces is None or surface.mesh.convex:
         return None
@@ -65,7 +65,7 @@ def unoccluded_fraction(surface: Surface) -> np.ndarray | None:
     number = np.arange(_SKY_RAYS) + 0.5
     radius, angle = np.sqrt(number / _SKY_RAYS), number * (math.pi * (3 - math.sqrt(5)))
     turn = np.random.default_rng(0).uniform(0, 2 * math.pi, len(surface))
-    free = np.empty(len(surface), dtype=np.float32)
+    fraction = np.empty(len(surface), dtype=np.float32)
 
     def trace(part: np.ndarray) -> None:
         along = turn[part, None] + angle
@@ -73,10 +73,10 @@ def unoccluded_fraction(surface: Surface) -> np.ndarray | None:
         frame = (tangent[part, None], bitangent[part, None], normals[part, None])
         toward = x[..., None] * frame[0] + y[..., None] * frame[1] + z[:, None] * frame[2]
         start = np.repeat(origins[part], _SKY_RAYS, axis=0)
-        free[part] = 1 - mesh.blocked(start, toward.reshape(-1, 3)).reshape(-1, _SKY_RAYS).mean(axis=1)
+        fraction[part] = 1 - mesh.blocked(start, toward.reshape(-1, 3)).reshape(-1, _SKY_RAYS).mean(axis=1)
 
     list(in_threads(trace, np.array_split(np.arange(len(surface)), max(len(surface) // _SKY_PIXELS, 1))))
-    return free
+    return fraction
 
 
 def shadow_edges(surface: Surface, shadow: np.ndarray) -> np.ndarray:

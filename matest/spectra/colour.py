@@ -10,11 +10,12 @@ from torch import Tensor
 
 from matest.errors import InputError, nearest
 
-# What eye and daylight tables share: 0.36 to 0.78 µm, every 5 nm.
+# Wavelengths of both the tables of the eye and those of daylight, µm: 0.36 to 0.78, every 5 nm.
 VISIBLE = torch.linspace(0.36, 0.78, 85, dtype=torch.float64)
 
-# As printed in IEC 61966-2-1. The last digits of the two agree to 3e-5.
+# Linear RGB from XYZ, as IEC 61966-2-1 prints it.
 _RGB_OF_XYZ = ((3.2406, -1.5372, -0.4986), (-0.9689, 1.8758, 0.0415), (0.0557, -0.2040, 1.0570))
+# Luminance of linear RGB, from the same standard: consistent with the matrix to 3e-5.
 _Y_OF_RGB = (0.2126, 0.7152, 0.0722)
 
 
@@ -23,9 +24,9 @@ def to_rgb(spectrum: Tensor, wavelengths: Tensor = VISIBLE, illuminant: str = "D
 
     XYZ = k Σ E R (x̄, ȳ, z̄) Δλ,  k = 1/(Σ E ȳ Δλ),  RGB = M⁻¹ XYZ
 
-    There is no adaptation: a perfect white has Y = 1 under every illuminant, RGB = (1, 1, 1) within 1e-4 under D65
-    at the default wavelengths, and the illuminant's tint under another. Saturated colours have a negative channel,
-    see `desaturate`.
+    The white is not adapted: a perfect white has Y = 1 under every illuminant, RGB = (1, 1, 1) within 1e-4 under D65
+    at the default wavelengths, and the tint of any other illuminant. Saturated colours have a negative channel, see
+    `desaturate`.
 
     Args:
         spectrum: reflectance, or radiance relative to that of a perfect white; differentiable.
@@ -76,8 +77,8 @@ def desaturate(rgb: Tensor) -> Tensor:
 
     RGB' = (1−u) RGB + u Y (1, 1, 1),  u = max over negative channels of −RGB_c/(Y − RGB_c)
 
-    The smallest channel has the largest u. Colours without negative channel come back as they are, channels above 1
-    too: brightness is for the exposure to mend. Where Y ≤ 0 no such colour exists, and the result is black.
+    The smallest channel has the largest u. Colours without a negative channel do not change, even if a channel is above
+    1: exposure, not saturation, limits brightness. Where Y ≤ 0 no such colour exists, and the result is black.
 
     Source: Cook & Torrance 1982 in words (hold dominant wavelength and luminance, lower the purity).
     """

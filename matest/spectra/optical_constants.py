@@ -37,7 +37,7 @@ _SYMBOLS = {
     "vanadium": "V",
 }
 _ETA = ".eta.spd"
-# A table whose smallest wavelength is above this is in nm, otherwise in µm.
+# Largest first wavelength of a table in µm; that of one in nm is larger.
 _LARGEST_START = 20.0
 
 
@@ -49,7 +49,7 @@ class OpticalConstants:
         wavelengths: [Λ] in µm, increasing.
         eta: refractive index [Λ].
         k: extinction coefficient [Λ].
-        source: names of the files they came from and what their comments say.
+        source: names of the files, with the comments in them.
     """
 
     wavelengths: Tensor
@@ -69,10 +69,10 @@ class OpticalConstants:
                 f"optical constants are tabulated from {table[0]:g} to {table[-1]:g} µm, but wavelengths from "
                 f"{at.min():g} to {at.max():g} came; leave out those beyond the table {self.source}."
             )
-        right = torch.searchsorted(table, at, right=True).clamp(max=len(table) - 1)
-        left = right - 1
-        fraction = (at - table[left]) / (table[right] - table[left])
-        eta, k = (torch.lerp(values[left], values[right], fraction).to(wavelengths) for values in (self.eta, self.k))
+        above = torch.searchsorted(table, at, right=True).clamp(max=len(table) - 1)
+        below = above - 1
+        fraction = (at - table[below]) / (table[above] - table[below])
+        eta, k = (torch.lerp(values[below], values[above], fraction).to(wavelengths) for values in (self.eta, self.k))
         return eta, k
 
 
@@ -92,14 +92,14 @@ def optical_constants(name_or_path: str | Path, k_path: str | Path | None = None
     """
     path = Path(name_or_path)
     if k_path is None and not path.suffix and len(path.parts) == 1:
-        path = _table_of(path.name)
+        path = _mitsuba_table(path.name)
         k_path = path.with_name(path.name.removesuffix(_ETA) + ".k.spd")
     paths = [path] if k_path is None else [path, Path(k_path)]
-    read = [_read(file) for file in paths]
-    comments = dict.fromkeys(comment for _, of_file in read for comment in of_file)
+    tables = [_read(file) for file in paths]
+    comments = dict.fromkeys(comment for _, of_file in tables for comment in of_file)
     files = " and ".join(map(str, paths))
 
-    blocks = [block for of_file, _ in read for block in of_file]
+    blocks = [block for of_file, _ in tables for block in of_file]
     columns = [block.shape[1] for block in blocks]
     if columns not in ([3], [2, 2]):
         raise InputError(
@@ -139,9 +139,9 @@ def metal_colour(name: str) -> Tensor:
     return to_rgb(normal_reflectance(*optical_constants(name).at(VISIBLE)))
 
 
-def _table_of(name: str) -> Path:
-    """Mitsuba's table of η by name. The package is looked for, not imported: it would load a renderer."""
-    # Not by importlib.util: once imported, Mitsuba is a module without a folder.
+def _mitsuba_table(name: str) -> Path:
+    """Path of Mitsuba's table of η for a metal; the package is not imported, because that loads a renderer."""
+    # importlib.util finds no folder once a program has imported Mitsuba.
     package = PathFinder.find_spec("mitsuba")
     if package is None or not package.submodule_search_locations:
         raise InputError(

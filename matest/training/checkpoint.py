@@ -1,4 +1,4 @@
-"""Checkpoints of training: nested state in one safetensors file, written whole or not at all, and never unpickled."""
+"""Checkpoints of training: nested state in one safetensors file, written whole or not at all, read without pickle."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def write_checkpoint(path: Path, state: Mapping[str, Any]) -> None:
         with os.fdopen(handle, "wb") as file:
             file.write(content)
             file.flush()
-            # Renamed before its content is on the disk, a power cut would leave an empty checkpoint.
+            # The content must be on the disk before the name is: a power cut would leave an empty checkpoint.
             os.fsync(file.fileno())
         os.replace(temporary, path)
     except BaseException:
@@ -64,7 +64,7 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
 
 
 def unusable(path: Path, error: Exception) -> InputError:
-    """The refusal of a checkpoint that reading it, or taking up its state, failed on."""
+    """The refusal of a checkpoint that cannot be read or restored because of `error`."""
     reason = f"no {error}" if isinstance(error, KeyError) else " ".join(str(error).split()).rstrip(".")
     return InputError(
         f"{path}: expected a checkpoint of fit_gradient; got a file that is none, or is damaged ({reason}). Delete it "
@@ -75,7 +75,7 @@ def unusable(path: Path, error: Exception) -> InputError:
 def _flatten(value: Any, place: str, tensors: dict[str, Tensor]) -> Any:
     """`value` as JSON, its tensors moved into `tensors`."""
     if isinstance(value, Tensor):
-        # Two paths may spell the same: 0 and "0".
+        # The keys 0 and "0" give the same path.
         name = place if place not in tensors else f"{place} ({len(tensors)})"
         tensors[name] = value.detach().cpu().clone(memory_format=torch.contiguous_format)
         return {"tensor": name}
@@ -102,7 +102,7 @@ def _unflatten(outline: Any, tensor: Any) -> Any:
         return outline
     ((kind, content),) = outline.items()
     if kind == "tensor":
-        # Into memory of its own: sums over a tensor that lies as it does in the file round differently.
+        # Copied to aligned memory: sums over a tensor that is aligned as in the file round differently.
         return tensor(content).clone()
     if kind == "dict":
         return {key: _unflatten(part, tensor) for key, part in content}

@@ -1,4 +1,4 @@
-"""A plain loop over mini-batches with any torch optimiser, for any module that says what the surface is made of."""
+"""A training loop over mini-batches, for any torch optimiser and any module that returns a reflectance model."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ MakeOptimiser = Callable[[list[nn.Parameter]], torch.optim.Optimizer]
 
 @dataclass(frozen=True)
 class Schedule:
-    """How long to train, on what batches, and where to keep the state.
+    """Length of a training, its batches, and the file of its state.
 
     Attributes:
         epochs: passes over all samples.
-        steps: optimiser steps; the earlier of the two limits counts, and one must be given.
+        steps: optimiser steps; training ends at the earlier of the two limits, and needs one of them.
         batch_size: samples a step; the last batch of an epoch may be smaller.
         seed: of the order of the samples (epoch e is shuffled with seed + e) and of torch's generator.
         checkpoint: safetensors file that the state is written to, and read from if it exists.
-        every: steps between two writings of it; it is also written at the end.
+        every: steps from one writing of the file to the next; the end of the training writes it too.
     """
 
     epochs: int | None = None
@@ -62,10 +62,10 @@ class Schedule:
 
 @dataclass(frozen=True)
 class TrainingStep:
-    """What a callback is told after each step.
+    """The state of a training after a step, for callbacks.
 
     Attributes:
-        step: number of steps done, from 1.
+        step: its number, from 1.
         epoch: the pass over the samples that it belongs to, from 0.
         loss: of its batch, before the step.
         optimiser: whose `param_groups` a callback may change, such as the learning rate.
@@ -79,10 +79,10 @@ class TrainingStep:
 
 @dataclass(frozen=True)
 class GradientFit:
-    """How a training went; its outcome is in the module.
+    """The course of a training; its result is in the module.
 
     Attributes:
-        losses: of every step's batch before that step, those before a resumption included.
+        losses: of the batch of each step before that step, also of steps before an interruption.
         reason: why it ended: "limit reached", "stopped by the callback" or "loss not finite".
     """
 
@@ -135,21 +135,21 @@ def fit_gradient(
     """
     plan = Schedule(**schedule)
     _check_kinds(samples, material, optimiser)
-    trained = [parameter for parameter in material.parameters() if parameter.requires_grad]
-    if not trained:
+    free = [parameter for parameter in material.parameters() if parameter.requires_grad]
+    if not free:
         raise InputError("the material has no parameter that requires gradients: there is nothing to train.")
     if not len(samples):
         raise InputError("the capture has no usable sample to train on: all are background, shadowed or saturated.")
-    stepper = optimiser(trained)
+    stepper = optimiser(free)
     if not isinstance(stepper, torch.optim.Optimizer):
         raise InputError(f"optimiser must return a torch.optim.Optimizer; got a {type(stepper).__name__}.")
     settings = {} if plan.checkpoint is None else _settings(material, stepper, loss, samples, plan)
     run = _Run(material, stepper, loss, samples, plan, settings)
     with _reproducible(samples.device, plan.seed):
         place, losses = run.resume()
-        saved, reason = len(losses), "limit reached"
-        left = None if plan.steps is None else max(plan.steps - len(losses), 0)
-        for epoch, number, batch in islice(run.batches(place), left):
+        steps_in_file, reason = len(losses), "limit reached"
+        remaining = None if plan.steps is None else max(plan.steps - len(losses), 0)
+        for epoch, number, batch in islice(run.batches(place), remaining):
             try:
                 losses.append(run.step(batch))
             except _NotFinite:
@@ -160,14 +160,14 @@ def fit_gradient(
                 break
             if len(losses) % plan.every == 0:
                 run.save(place, losses)
-                saved = len(losses)
-        if saved < len(losses):
+                steps_in_file = len(losses)
+        if steps_in_file < len(losses):
             run.save(place, losses)
     return GradientFit(tuple(losses), reason)
 
 
 def _check_kinds(samples: Samples, material: nn.Module, optimiser: MakeOptimiser) -> None:
-    """Refuse what is easily given instead of these three."""
+    """Refuse objects that people easily take for one of these three."""
     if not isinstance(samples, Samples):
         raise InputError(f"fit_gradient takes samples, of capture.samples(); got a {type(samples).__name__}.")
     if not isinstance(material, nn.Module):
@@ -186,7 +186,7 @@ class _NotFinite(Exception):
 
 
 class _Place(NamedTuple):
-    """Where a run stands: the epoch, and how many of its batches are done."""
+    """The place of a run: the epoch, and the number of its batches that are over."""
 
     epoch: int
     batch: int
@@ -194,7 +194,7 @@ class _Place(NamedTuple):
 
 @dataclass(frozen=True)
 class _Run:
-    """What does not change between the steps of a run."""
+    """Everything about a run that its steps do not change, and the steps."""
 
     material: nn.Module
     optimiser: torch.optim.Optimizer
@@ -204,7 +204,7 @@ class _Run:
     settings: Mapping[str, str | int]
 
     def batches(self, place: _Place) -> Iterator[tuple[int, int, Batch]]:
-        """The batches from a place on, with their epoch and number in it."""
+        """The batches after a place, each with its epoch and its number in that epoch."""
         size, seed, epochs = self.plan.batch_size, self.plan.seed, self.plan.epochs
         for epoch in count(place.epoch) if epochs is None else range(place.epoch, epochs):
             skip = place.batch if epoch == place.epoch else 0
@@ -213,7 +213,7 @@ class _Run:
                 yield epoch, number, batch
 
     def step(self, batch: Batch) -> float:
-        """One step of the optimiser; returns the loss before it. Where that is not finite, nothing has moved."""
+        """Take one step of the optimiser and return the loss before it; one that is not finite changes no parameter."""
         losses: list[float] = []
 
         def closure() -> Tensor:
@@ -260,20 +260,20 @@ class _Run:
         write_checkpoint(Path(self.plan.checkpoint), state)
 
     def resume(self) -> tuple[_Place, list[float]]:
-        """Take up the state of the checkpoint, if there is one."""
+        """Restore the state of the checkpoint, if there is one."""
         path = self.plan.checkpoint
         if path is None or not Path(path).exists():
             return _Place(0, 0), []
         state = read_checkpoint(Path(path))
         try:
-            written = state["settings"]
-            differing = [name for name, value in self.settings.items() if written[name] != value]
+            settings = state["settings"]
+            differences = [name for name, value in self.settings.items() if settings[name] != value]
         except (KeyError, TypeError) as error:
             raise unusable(Path(path), error) from None
-        if differing:
+        if differences:
             raise InputError(
-                f"{path}: this checkpoint was written with another {' and another '.join(differing)}; go on with what "
-                "it was written with, or name another file."
+                f"{path}: this checkpoint was written with another {' and another '.join(differences)}; go on with "
+                "what it was written with, or name another file."
             )
         try:
             self.material.load_state_dict(state["material"])
@@ -293,7 +293,7 @@ class _Run:
 def _settings(
     material: nn.Module, optimiser: torch.optim.Optimizer, loss: Loss, samples: Samples, plan: Schedule
 ) -> dict[str, str | int]:
-    """What must agree for a run to go on exactly, by the names that a refusal gives it."""
+    """Properties that must agree so that a run can go on exactly, by their names in a refusal."""
     shapes = [f"{name}: {list(value.shape)} {value.dtype}" for name, value in material.named_parameters()]
     return {
         "material": "\n".join([repr(material), *shapes]),

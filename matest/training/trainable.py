@@ -14,15 +14,15 @@ from matest.samples import Batch
 class Trainable(nn.Module):
     """A model whose parameters any optimiser may move freely: they are unconstrained inside.
 
-    Calling it returns the model at the current values, inside its domain whatever the optimiser did. It takes a batch
-    of samples as every material of `fit_gradient` does, and does not look at it: the material is the same everywhere.
+    Calling it returns the model at the current values, which are always inside their domains. Like every material of
+    `fit_gradient` it takes a batch of samples, but does not use it: the material is the same everywhere.
 
     Args:
         brdf: the model at its starting values; a value at an end of its domain starts 1e-6 inside.
-        fixed: names (in a sum: paths) of parameters that stay as they are. Held ones, such as `f0` of a dielectric,
-            train like the others unless named here.
-        relative: the strength of the lights is unknown, as in a capture of relative radiometry: albedos may be above 1,
-            and what is 1 only beside a known strength (`interreflection`) trains too.
+        fixed: names (in a sum: paths) of parameters that do not train. Parameters that an estimate holds, such as `f0`
+            of a dielectric, train unless they are named here.
+        relative: whether the strength of the lights is unknown, as in a capture of relative radiometry. Then albedos
+            may be above 1, and `interreflection`, which is 1 only if that strength is known, trains too.
         dtype: of the parameters.
 
     Raises:
@@ -56,7 +56,7 @@ class Trainable(nn.Module):
         )
 
     def extra_repr(self) -> str:
-        """The model's expression, and what does not train."""
+        """The model's expression, and the values of parameters that do not train."""
         fixed = [f"{name}={value.tolist()}" for name, value in self._brdf.parameters.items() if name not in self._free]
         return ", ".join([self._brdf.expression, *fixed])
 

@@ -19,7 +19,7 @@ from matest.brdf import (
     TorranceSparrow,
     variants,
 )
-from matest.brdf.terms import Factor, Term, complement_of, mixture
+from matest.brdf.terms import Factor
 from matest.directions import Directions
 from matest.errors import InputError
 from matest.parameters import Parameter, options_of, parameters_of, unit_interval
@@ -120,28 +120,6 @@ def test_direction_batches_broadcast_against_each_other() -> None:
     grid = BODY_AND_LOBE(wi[:4, None], wo[None, :5])
     assert grid.shape == (4, 5, 1)
     torch.testing.assert_close(grid[2, 3], BODY_AND_LOBE(wi[2], wo[3]))
-
-
-def test_a_term_takes_names_for_factors_and_complements() -> None:
-    values = {"k": torch.tensor(0.2), "f0": torch.tensor(0.3)}
-    term = Term(("k", complement_of("f0")), torch.ones(1))
-    assert term.factors == (Factor("k"), Factor("f0", complement=True))
-    assert math.prod(float(factor.value(values)) for factor in term.factors) == pytest.approx(0.2 * 0.7)
-    assert [factor.slope for factor in term.factors] == [1.0, -1.0]
-    assert [factor.name for factor in term.within("lobe").factors] == ["lobe.k", "lobe.f0"]
-    assert term.within("lobe").factors[1].complement
-
-
-@pytest.mark.parametrize("shape", [(5,), (1, 5), (3, 5), (7, 1, 5), (7, 3, 5)])
-def test_mixture_is_the_sum_of_its_columns_with_their_weights(shape: tuple[int, ...]) -> None:
-    generator = torch.Generator().manual_seed(4)
-    columns = torch.rand(7, 5, generator=generator, dtype=torch.float64)
-    weights = torch.rand(shape, generator=generator, dtype=torch.float64)
-    term = mixture(("albedo",), columns, weights)
-    expected = (columns[:, None] * weights).sum(-1)
-    torch.testing.assert_close(term.shape, expected)
-    assert term.columns is columns
-    assert term.weights is weights
 
 
 @pytest.mark.parametrize("shape", [(), (3,), (20, 1), (20, 3)])

@@ -18,7 +18,6 @@ from matest.brdf import (
     ForwardScattering,
     LiTorrance,
     SubsurfaceDiffuse,
-    assemble,
     preset,
 )
 from tests import tolerances
@@ -205,18 +204,3 @@ def test_albedo_of_the_measured_samples(name: str, channel: int, albedo: tuple[f
     brdf = preset(name)
     found = [directional_albedo(brdf, math.radians(angle))[channel].item() for angle in (0, 60, 75, 85)]
     assert found == pytest.approx(albedo, abs=tolerances.TWO_DECIMALS)
-
-
-def test_guidelines_choose_the_components() -> None:
-    rough_metal = assemble(metal=True, rough=True)
-    assert rough_metal.model.expression == "li-torrance(uniform=on,subsurface=off)"
-    smooth_metal = assemble(metal=True, rough=False, mirror_at_grazing=True)
-    assert smooth_metal.model.expression == "li-torrance(masking=off,subsurface=off,coherent=on)"
-    paint = assemble(metal=False, rough=True, forward_scattering=True)
-    assert paint.model.expression == "li-torrance(forward=on)"
-    chalk = assemble(metal=False, rough=True, angular_variation=False)
-    assert chalk.model.expression == "li-torrance(directional=off)"
-    assert set(paint.reasons) == {
-        "coherent", "directional", "uniform", "subsurface", "forward", "masking", "fresnel"
-    }  # fmt: skip
-    assert all(reason for reason in paint.reasons.values())

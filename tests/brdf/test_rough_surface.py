@@ -46,7 +46,7 @@ def surface(k: float) -> DirectionalDiffuse:
 def approximate_masking(theta: np.ndarray, k: float) -> np.ndarray:
     """S1 of eq. 6: light along the normal is not masked."""
     wo = spherical(torch.tensor(np.radians(theta)))
-    return (4 * wo[:, 2] * surface(k).roughness(Directions(degrees(0), wo)).masked[:, 0]).numpy()
+    return (4 * wo[:, 2] * surface(k).roughness(Directions(degrees(0), wo)).masking[:, 0]).numpy()
 
 
 def approximate_roughness(theta_i: np.ndarray, theta_o: np.ndarray, k: float) -> np.ndarray:
@@ -109,5 +109,5 @@ def test_masking_between_the_axes_follows_the_law_of_the_azimuth(law: str, k: fl
     """σ 0.5, τ 2.5 and 5, azimuth 45°: 7.91 by eq. 25, 6.32 by the slope of eq. 20 along the azimuth."""
     brdf = DirectionalDiffuse(height_rms=0.5, correlation_length_x=2.5, correlation_length_y=5.0, anisotropy=law)
     wo = degrees(75, 45)
-    found = 4 * wo[2] * brdf.roughness(Directions(degrees(0), wo)).masked
+    found = 4 * wo[2] * brdf.roughness(Directions(degrees(0), wo)).masking
     assert found.item() == pytest.approx(1 - (1 - math.cos(math.radians(75))) ** k, rel=tolerances.INDEPENDENT)

@@ -32,14 +32,3 @@ def test_integers_are_saturated_near_full_scale_unless_it_is_said(folder: Captur
     description = describe(folder.save(), schema.CaptureFile)
     codes = ImageFormat.of(np.zeros((*SHAPE, 3), np.uint16))
     assert realise(description, codes, transfer="linear").encoding.saturation == 0.98
-
-
-def test_supersampling_keeps_the_shape_and_multiplies_the_pixels(folder: CaptureFolder) -> None:
-    description = describe(folder.save(), schema.CaptureFile)
-    plain, fine = (realise(description, FLOATS, supersampling=k).scene.surface for k in (1, 3))
-    assert fine.shape == (3 * SHAPE[0], 3 * SHAPE[1])
-    mask = plain.mask.repeat(3, axis=0).repeat(3, axis=1)
-    # The mask leaves out whole pixels, the sphere parts of them.
-    assert not (fine.mask & ~mask).any()
-    middle = fine.image(fine.normals.numpy())[1::3, 1::3]
-    np.testing.assert_allclose(middle[plain.mask], plain.normals.numpy(), atol=1e-12)

@@ -1,190 +1,20 @@
-from __future__ import annotations
+"""Samples of photographs."""
 
-import dataclasses
-import math
+from __future__ import annotations
 
 import numpy as np
 import pytest
 import torch
-import trimesh
 
-from matest.brdf import Lambert
-from matest.photographs.noise import Noise
-from matest.photographs.photographs import Photographs
 from matest.photographs.photometry import Encoding
 from matest.photographs.pixels import BLOCKS
-from matest.samples import Tile
-from matest.scene import Camera, Mesh, Scene
-from matest.scene.surface import from_mesh
 from matest.shading import render, shade
-from tests.captures import directional, point, sphere_surface
-
-MATERIAL = Lambert(albedo=[0.7, 0.5, 0.3])
-LEFT, RIGHT = directional((-0.5, 0.1, 0.8), 1.0, 2.0, 1.5), directional((0.6, -0.3, 0.5), 2.0, 1.0, 1.0)
-NEAR = point((0.5, 1.0, 3.0), 6.0, 7.0, 8.0)
-# Images with one, two and no lights, the last one under an even sky.
-MIXED = ((LEFT,), (RIGHT, NEAR), ())
-MIXED_AMBIENT = (0.0, 0.0, 0.2)
-
-
-def photograph(scene: Scene, full: int | None = None, **changes: object) -> Photographs:
-    """Photographs of the scene made of `MATERIAL`: floats, or integers up to `full` = radiance 1."""
-    images = render(scene, MATERIAL, dtype=torch.float64).numpy()
-    stored = images.reshape(len(scene), -1, scene.channels)[:, scene.surface.pixels]
-    if full is None:
-        stored = stored.astype(np.float32)
-    else:
-        stored = np.round(full * stored).clip(0, full).astype(np.uint8 if full == 255 else np.uint16)
-    photographs = Photographs(
-        scene=scene,
-        stored=tuple(stored),
-        encoding=Encoding(),
-        exposures=(1.0,) * len(scene),
-        noise=Noise(0.001, 0.0001),
-        noise_stated=True,
-        relative=False,
-        names=tuple(f"image {number}" for number in range(len(scene))),
-    )
-    return dataclasses.replace(photographs, **changes)
-
-
-def sphere_scene(lights=MIXED, ambient=MIXED_AMBIENT, size: int = 32) -> Scene:
-    sky = torch.tensor(ambient, dtype=torch.float64)[:, None].expand(-1, 3)
-    return Scene(sphere_surface(size), tuple(lights), sky)
-
-
-def plate_scene() -> Scene:
-    """A small square plate above a large one: cast shadows."""
-
-    def square(half: float, height: float) -> trimesh.Trimesh:
-        corners = [(-half, -half, height), (half, -half, height), (half, half, height), (-half, half, height)]
-        return trimesh.Trimesh(corners, [(0, 1, 2), (0, 2, 3)])
-
-    joined = trimesh.util.concatenate([square(1.2, 0.0), square(0.4, 0.7)])
-    surface = from_mesh(Mesh(joined.vertices, joined.faces), Camera(position=(0, 0, 5), height=3.0), (40, 50))
-    return Scene(surface, ((LEFT,), (RIGHT, LEFT)), torch.zeros(2, 3, dtype=torch.float64)).with_shadows()
+from tests.photographs.studio import MATERIAL, photograph, sphere_scene
 
 
 def sorted_rows(*parts: torch.Tensor) -> np.ndarray:
     rows = torch.cat(parts).numpy()
     return rows[np.lexsort(rows.T)]
-
-
-def left_out(samples):
-    """Saturated pixels are counted, but serve as bounds."""
-    return sum(count for reason, count in samples.skipped.items() if reason != "saturated")
-
-
-@pytest.mark.parametrize("images", [None, (0,), (2, 0)])
-def test_every_pixel_is_a_sample_or_counted_as_skipped(images):
-    saturated = Encoding(saturation=0.3)
-    for capture in (
-        photograph(sphere_scene(), encoding=saturated),
-        photograph(sphere_scene(), 255, encoding=saturated),
-    ):
-        samples = capture.samples(images)
-        count = len(capture) if images is None else len(images)
-        assert left_out(samples) + len(samples) == count * 32 * 32
-        assert set(samples.skipped) == {"background", "shadowed", "saturated", "rim", "redundant"}
-
-
-def test_every_pixel_of_a_scene_with_cast_shadows_is_accounted_for():
-    samples = photograph(plate_scene(), encoding=Encoding(saturation=0.4)).samples()
-    assert left_out(samples) + len(samples) == 2 * 40 * 50
-    assert samples.skipped["saturated"] > 0
-
-
-def test_skipped_pixels_are_what_they_are_called():
-    grazing = directional((0.9, 0.1, 0.2), 1.0, 1.0, 1.0)
-    scene = sphere_scene(((grazing,),), (0.0,))
-    surface = scene.surface
-    skipped = photograph(scene).samples().skipped
-    dark = (surface.normals @ grazing.direction).numpy() <= 0
-    assert skipped == {
-        "background": 32 * 32 - len(surface),
-        "rim": int(surface.rim.sum()),
-        "shadowed": int((dark & ~surface.rim).sum()),
-        "saturated": 0,
-        "redundant": 0,
-    }
-    assert skipped["shadowed"] > 0
-
-
-def test_pixels_in_a_cast_shadow_or_on_its_edge_are_no_samples():
-    scene = plate_scene()
-    samples = photograph(scene).samples()
-    out = scene.shadows[0][0] | scene.shadow_edge[0] | scene.surface.rim
-    np.testing.assert_array_equal(samples.indices(0), np.flatnonzero(~out))
-    # Where one of two lamps is blocked the other still shows the material.
-    out = scene.shadows[1].all(axis=0) | scene.shadow_edge[1] | scene.surface.rim
-    np.testing.assert_array_equal(samples.indices(1), np.flatnonzero(~out))
-    assert (scene.shadows[1].any(axis=0) & ~out).any()
-
-
-def test_an_even_sky_lights_every_pixel():
-    capture = photograph(sphere_scene())
-    np.testing.assert_array_equal(capture.samples().indices(2), np.flatnonzero(~capture.scene.surface.rim))
-
-
-@pytest.mark.parametrize("full", [None, 65535])
-def test_saturated_channels_are_bounds_and_the_others_values(full):
-    scene = sphere_scene(((LEFT,),), (0.0,))
-    capture = photograph(scene, full, encoding=Encoding(saturation=0.2), noise=Noise(1e-6, 0.0))
-    samples = capture.samples()
-    batch = samples.at(0, samples.indices(0))
-    assert batch.noise.clipped.amin() == 0
-    assert samples.skipped["saturated"] == int((batch.noise.clipped == 1).any(1).sum()) > 20
-    assert ((batch.radiance > 0.2) == (batch.noise.clipped == 1)).all()
-    step = 1e-6 if full is None else 1 / full
-    assert float(batch.noise.limits.upper) == pytest.approx(0.2, abs=step)
-    # The green channel saturates first.
-    assert (batch.noise.clipped[:, 1] > batch.noise.clipped[:, 0]).any()
-    assert (batch.noise.clipped[:, 1] >= batch.noise.clipped[:, 0]).all()
-
-
-def test_a_flat_field_does_not_change_which_pixels_are_saturated():
-    scene = sphere_scene(((LEFT,),), (0.0,))
-    plain = photograph(scene, 65535, encoding=Encoding(saturation=0.25), noise=Noise(1e-6, 0.0))
-    flat = np.full((len(scene.surface), 1), 0.6, np.float32)
-    corrected = dataclasses.replace(plain, encoding=Encoding(saturation=0.25, flat=flat))
-    assert plain.samples().skipped["saturated"] > 0
-    assert corrected.samples().skipped == plain.samples().skipped
-
-
-def test_an_object_that_is_black_in_one_channel_still_gives_samples():
-    scene = sphere_scene(((LEFT,),), (0.0,))
-    capture = photograph(scene, 255, noise=Noise(0.002, 0.0))
-    red = tuple(stored * np.array([1, 1, 0], np.uint8) for stored in capture.stored)
-    count = len(capture.samples())
-    assert len(dataclasses.replace(capture, stored=red).samples()) > 0.9 * count > 100
-
-
-@pytest.mark.parametrize("black", [0.0, 0.08])
-def test_the_ends_of_the_range_do_not_bias_the_likelihood(black):
-    """Both ends clip some of the noise; the score at the truth is zero but for chance, and as uncertain as it says."""
-    power = [1.35 * math.pi / albedo for albedo in (0.7, 0.5, 0.3)]
-    scene = sphere_scene(((directional((0.0, 0.3, 1.0), *power),),), (0.0,), 320)
-    truth = render(scene, MATERIAL, dtype=torch.float64).numpy().reshape(-1, 3)[scene.surface.pixels]
-    noise = Noise(0.02, 0.001)
-    spread = np.sqrt(noise.read**2 + noise.gain * truth)
-    noisy = truth + spread * np.random.default_rng(4).normal(size=truth.shape)
-    stored = np.round(65535 * (noisy + black).clip(0, 1)).astype(np.uint16)
-    encoding = Encoding(black=black, saturation=1.0)
-    samples = photograph(scene, 65535, stored=(stored,), noise=noise, encoding=encoding).samples(dtype=torch.float64)
-    index = samples.indices(0)
-    batch = samples.at(0, index)
-    reference = torch.from_numpy(truth[index])
-    response, weight, plain, *_ = Tile(batch).about(reference)
-    score = weight * (response - reference)
-    for near_the_end in (truth[index] > 0.9 - black, truth[index] < 0.15):
-        here = torch.from_numpy(near_the_end)
-        clipped = (batch.noise.clipped[here] != 0).double().mean()
-        assert near_the_end.sum() > 1000
-        assert clipped > 0.02 or black
-        assert abs(score[here].sum()) < 4 * weight[here].sum().sqrt()
-        assert float(score[here].square().sum() / weight[here].sum()) == pytest.approx(1, abs=0.05)
-    residual = ((response - reference).square() * weight)[plain]
-    assert float(residual.mean()) == pytest.approx(1, abs=0.02)
 
 
 @pytest.mark.parametrize("size", [100, 257, 10_000])
@@ -309,3 +139,10 @@ def test_samples_have_the_precision_asked_for(dtype):
     batch = next(iter(photograph(sphere_scene()).samples(dtype=dtype).tiles()))[0]().batch
     tensors = (batch.radiance, batch.points.wi, batch.points.wo, batch.points.irradiance, *batch.noise.readout)
     assert {tensor.dtype for tensor in tensors} == {dtype}
+
+
+def test_samples_show_how_many_photographs_values_and_channels_they_are() -> None:
+    samples = photograph(sphere_scene()).samples()
+    values = len(samples) * 3
+    assert repr(samples) == f"PhotographSamples({values} values, 3 channels, 3 photographs)"
+    assert repr(next(samples.batches(10))) == "Batch(30 values, 3 channels)"

@@ -1,0 +1,171 @@
+"""From the tables of geometry and camera in a file to the surface that its images show."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from matest.capture.description import Description
+from matest.capture.schema import CameraTable
+from matest.errors import Fault, InputError, errors_of, refuse
+from matest.photographs.images import full_scale, read_image, read_mask
+from matest.scene.camera import Camera
+from matest.scene.mesh import Mesh
+from matest.scene.surface import Surface, fit_circle, from_mesh, from_normals, from_sphere
+
+
+@dataclass(frozen=True)
+class _View:
+    """The geometry of a description as `factor` × `factor` rays per pixel see it.
+
+    Attributes:
+        shape: height and width of the images in pixels.
+        coverage: of each pixel by the mask, [H, W] in [0, 1]; None without a mask.
+        camera: for `factor` times the resolution of the images; None without a table of it.
+        fine_shape: rows and columns of rays.
+        mask: the rays inside the mask, bool of `fine_shape`.
+    """
+
+    description: Description
+    shape: tuple[int, int]
+    factor: int
+    coverage: np.ndarray | None
+    camera: Camera | None
+
+    @property
+    def fine_shape(self) -> tuple[int, int]:
+        return self.factor * self.shape[0], self.factor * self.shape[1]
+
+    @property
+    def mask(self) -> np.ndarray | None:
+        inside = None if self.coverage is None else self.coverage > 0
+        return None if inside is None else inside.repeat(self.factor, axis=0).repeat(self.factor, axis=1)
+
+
+def visible_surface(description: Description, shape: tuple[int, int], factor: int = 1) -> Surface:
+    """The surface that images of `shape` show, sampled by `factor` × `factor` rays per pixel.
+
+    Raises:
+        InputError: geometry missing or ambiguous, or of another size than the images.
+    """
+    tables, file, coverage = description.tables, description.file, None
+    kinds = [kind for kind in _SURFACES if getattr(tables.geometry, kind) is not None]
+    if len(kinds) != 1:
+        kinds = kinds or ["none"]
+        raise InputError(f"{file}: [geometry] needs one of mesh, normals or shape; got {' and '.join(kinds)}.")
+    if tables.mask is not None:
+        coverage = read_mask(description.path(tables.mask, "mask"))
+        check_size(coverage, shape, f"{description.folder / tables.mask}: the mask")
+    camera = None if tables.camera is None else _camera(tables.camera, str(file), factor)
+    return _SURFACES[kinds[0]](_View(description, shape, factor, coverage, camera))
+
+
+def check_size(image: np.ndarray, shape: tuple[int, int], label: str) -> None:
+    """Refuse an image of another size than `shape`."""
+    if image.shape[:2] != shape:
+        raise InputError(
+            f"{label} must have the size of the images ({shape[0]}×{shape[1]}); got {image.shape[0]}×{image.shape[1]}. "
+            "Export it at the images' resolution."
+        )
+
+
+def _camera(table: CameraTable, label: str, factor: int) -> Camera:
+    """The camera of images with `factor` times the resolution that its table is for.
+
+    Raises:
+        InputError: keys that do not fit the kind of camera, a pose without direction.
+    """
+    refuse(label, _camera_faults(table))
+    matrix = table.matrix and (*(tuple(factor * value for value in row) for row in table.matrix[:2]), table.matrix[2])
+    distortion = tuple(table.distortion)
+    with errors_of(label):
+        return Camera(table.position, table.target, table.up, table.height, table.fov_y, matrix, distortion)
+
+
+def _camera_faults(table: CameraTable) -> Iterator[Fault]:
+    keys = [key for key in ("fov_y", "matrix") if getattr(table, key) is not None]
+    if table.kind == "perspective":
+        yield len(keys) != 1, f"[camera] of kind 'perspective' needs fov_y or matrix, one of them; got {keys}."
+    else:
+        wrong = bool(keys or table.distortion)
+        yield wrong, "[camera] of kind 'orthographic' takes height, not fov_y, matrix or distortion."
+    count = len(table.distortion)
+    yield count not in (0, 4, 5, 8), f"camera.distortion takes k1, k2, p1, p2[, k3]; got {count} numbers."
+    if table.matrix is not None:
+        skewed = (table.matrix[0][1], table.matrix[1][0], *table.matrix[2]) != (0, 0, 0, 0, 1)
+        yield skewed, "camera.matrix must read [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]; skew is not known."
+
+
+def _of_mesh(view: _View) -> Surface:
+    camera, description = view.camera, view.description
+    if camera is None or (camera.orthographic and camera.height is None):
+        raise InputError(
+            f"{description.file}: a mesh needs a [camera] with position, target and height (orthographic), fov_y or "
+            "matrix."
+        )
+    path = description.path(description.tables.geometry.mesh or "", "geometry.mesh")
+    mesh = Mesh.load(path)
+    with errors_of(path):
+        return from_mesh(mesh, camera, view.fine_shape, view.mask)
+
+
+def _of_normals(view: _View) -> Surface:
+    geometry = view.description.tables.geometry
+    path = view.description.path(geometry.normals or "", "geometry.normals")
+    normals, positions = _vectors(path, view.shape, "normals"), None
+    if geometry.positions is not None:
+        positions_path = view.description.path(geometry.positions, "geometry.positions")
+        positions = _vectors(positions_path, view.shape, "positions")
+    surface = from_normals(normals, view.camera, view.mask, positions)
+    if not len(surface):
+        raise InputError(f"{path}: no pixel has a normal that faces the viewer; z must point toward the viewer.")
+    return surface
+
+
+def _of_sphere(view: _View) -> Surface:
+    label, factor = view.description.file, view.factor
+    if view.camera is not None and not view.camera.orthographic:
+        raise InputError(
+            f"{label}: shape = 'sphere' is a circle seen by a distant camera; for a perspective camera give the sphere "
+            "as a mesh."
+        )
+    centre, radius = _circle(view)
+    surface = from_sphere(view.fine_shape, (factor * centre[0], factor * centre[1]), factor * radius, view.mask)
+    if not len(surface):
+        raise InputError(f"{label}: the sphere at {centre} with radius {radius} covers no pixel of the image and mask.")
+    return surface
+
+
+def _circle(view: _View) -> tuple[tuple[float, float], float]:
+    """Centre and radius of the sphere in pixels, from the file or fitted to the mask."""
+    geometry, label = view.description.tables.geometry, view.description.file
+    if geometry.centre is not None and geometry.radius is not None:
+        return geometry.centre, geometry.radius
+    if geometry.centre is not None or geometry.radius is not None:
+        raise InputError(f"{label}: give both centre and radius of the sphere, or neither (they are fitted).")
+    if view.coverage is None:
+        raise InputError(
+            f"{label}: shape = 'sphere' needs a mask to fit the circle to, or centre and radius in pixels."
+        )
+    with errors_of(label):
+        return fit_circle(view.coverage)
+
+
+def _vectors(path: Path, shape: tuple[int, int], content: str) -> np.ndarray:
+    """A map of vectors [H, W, 3]; integers encode −1 to 1 as 0 to full scale, and a background of zeros."""
+    image = read_image(path)
+    if image.shape != (*shape, 3):
+        raise InputError(
+            f"{path}: {content} must be H×W×3 like the images ({shape[0]}×{shape[1]}×3); got "
+            f"{'×'.join(map(str, image.shape))}. Render them at the images' resolution."
+        )
+    if image.dtype.kind == "f":
+        return image
+    return np.where(image.any(axis=2, keepdims=True), image / (full_scale(image.dtype) / 2) - 1, 0.0)
+
+
+# Makers of the surface by the key of [geometry] that names it.
+_SURFACES: dict[str, Callable[[_View], Surface]] = {"mesh": _of_mesh, "normals": _of_normals, "shape": _of_sphere}
