@@ -28,17 +28,14 @@ class PhotographSamples(LitPixels):
 
     @property
     def channels(self) -> int:
-        """Channels of the radiance."""
         return self.photographs.channels
 
     @property
     def relative(self) -> bool:
-        """Whether the strengths of the lights have one unknown factor in common."""
         return self.photographs.relative
 
     @property
     def noise_stated(self) -> bool:
-        """Whether the noise is known; if not, it was estimated from the photographs."""
         return self.photographs.noise_stated
 
     @property
@@ -47,7 +44,6 @@ class PhotographSamples(LitPixels):
         return Groups(torch.arange(len(self.images)).repeat_interleave(BLOCKS))
 
     def optics(self, quantity: Role) -> Tensor | None:
-        """See `Scene.optics`."""
         return self.photographs.scene.optics(quantity)
 
     @cached_property
