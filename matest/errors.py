@@ -1,4 +1,4 @@
-"""The one exception that means: what the user handed in cannot be used as it is. And the exit codes of commands."""
+"""The exception for input that cannot be used, and the exit codes of commands."""
 
 from __future__ import annotations
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -135,31 +136,28 @@ def check_sky(brdf: Brdf) -> None:
         )
 
 
-class SkyNodes:
+class SkyNodes(NamedTuple):
     """Nodes and weights of an integral over the upper hemisphere, for each viewing cosine of the table."""
 
-    def __init__(self, dtype: torch.dtype, device: torch.device) -> None:
-        x, wx = np.polynomial.legendre.leggauss(_POLAR)
-        theta = (x + 1) * math.pi / 4
-        y, wy = np.polynomial.legendre.leggauss(_AZIMUTH)
-        phi = (y + 1) * math.pi / 2
-        polar, azimuth = np.meshgrid(theta, phi, indexing="ij")
-        # Both halves of the azimuth count alike for isotropic models.
-        weight = np.outer(wx * math.pi / 4, wy * math.pi) * np.sin(polar) * np.cos(polar)
-        wi = np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=-1)
-        cos_o = np.linspace(0, 1, _NODES).clip(0.02)
-        wo = np.stack([np.sqrt(1 - cos_o**2), np.zeros(_NODES), cos_o], axis=-1)
-        self.weight = torch.from_numpy(weight.reshape(1, -1, 1)).to(device, dtype)
-        self.directions = Directions(
-            torch.from_numpy(wi.reshape(1, -1, 3)).to(device, dtype), torch.from_numpy(wo[:, None]).to(device, dtype)
-        )
+    weight: Tensor
+    directions: Directions
 
 
 @lru_cache(maxsize=4)
 def sky_nodes(dtype: torch.dtype, device: torch.device) -> SkyNodes:
+    x, wx = np.polynomial.legendre.leggauss(_POLAR)
+    y, wy = np.polynomial.legendre.leggauss(_AZIMUTH)
+    polar, azimuth = np.meshgrid((x + 1) * math.pi / 4, (y + 1) * math.pi / 2, indexing="ij")
+    # Both halves of the azimuth count alike for isotropic models.
+    weight = np.outer(wx * math.pi / 4, wy * math.pi) * np.sin(polar) * np.cos(polar)
+    wi = np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=-1)
+    cos_o = np.linspace(0, 1, _NODES).clip(0.02)
+    wo = np.stack([np.sqrt(1 - cos_o**2), np.zeros(_NODES), cos_o], axis=-1)
     # Made outside inference mode: later calls may differentiate through the cached tensors.
     with torch.inference_mode(False):
-        return SkyNodes(dtype, device)
+        arrays = (weight.reshape(1, -1, 1), wi.reshape(1, -1, 3), wo[:, None])
+        weights, toward, viewer = (torch.from_numpy(array).to(device, dtype) for array in arrays)
+        return SkyNodes(weights, Directions(toward, viewer))
 
 
 def sky_terms(terms: tuple[Term, ...]) -> list[Term]:

@@ -69,16 +69,6 @@ class SimulatedScene:
     supersampling: int
 
     @property
-    def file(self) -> Path:
-        """Path of the file."""
-        return self.description.file
-
-    @property
-    def tables(self) -> schema.SceneFile:
-        """Its content."""
-        return self.description.tables
-
-    @property
     def scene(self) -> Scene:
         """Geometry and lights."""
         return self.setup.scene
@@ -142,7 +132,7 @@ def simulate(path: str | Path, out: str | Path | None = None, progress: Progress
         InputError: a bad scene, or a folder whose capture was not made by rendering.
     """
     scene = load_scene(path)
-    tables, file = scene.tables, scene.file
+    tables, file = scene.description.tables, scene.description.file
     folder = Path(out) if out is not None else file.parent
     target = folder / "capture.toml"
     bits = bits_of(tables, str(file))
@@ -246,10 +236,10 @@ def _check_outputs(description: Description, folder: Path, names: list[str]) -> 
 def _exposed(scene: SimulatedScene) -> Encoding:
     """The encoding of the images; without a stated scale, integers get one that exposes the brightest pixel well."""
     encoding, exposures = scene.setup.encoding, scene.setup.exposures
-    if scene.tables.encoding.scale is not None or scene.images.dtype.kind != "u":
+    if scene.description.tables.encoding.scale is not None or scene.images.dtype.kind != "u":
         return encoding
     peak = max(float(radiance(scene, k).max()) * exposure for k, exposure in enumerate(exposures))
-    scale = peak / (_PEAK_LEVEL - float(scene.tables.encoding.black)) if peak > 0 else 1.0
+    scale = peak / (_PEAK_LEVEL - float(scene.description.tables.encoding.black)) if peak > 0 else 1.0
     # Two digits are enough, and leave the file readable.
     step = 10 ** math.floor(math.log10(scale)) / 10
     return replace(encoding, scale=float(f"{math.ceil(scale / step) * step:.6g}"))
@@ -281,7 +271,7 @@ def _write_geometry(scene: SimulatedScene, folder: Path) -> None:
     mean = cv2.resize(normals, (width, height), interpolation=cv2.INTER_AREA) if factor > 1 else normals
     length = np.linalg.norm(mean, axis=-1, keepdims=True)
     _replace(folder / "normals.exr", mean / np.maximum(length, 1e-12))
-    for reference in (scene.tables.geometry.mesh, scene.tables.geometry.positions):
+    for reference in (scene.description.tables.geometry.mesh, scene.description.tables.geometry.positions):
         if reference is not None and folder.resolve() != source.resolve():
             (folder / reference).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(source / reference, folder / reference)

@@ -41,7 +41,7 @@ def files(folder: Path) -> dict[str, bytes]:
 def clean(scene: Path) -> np.ndarray:
     """Radiance [K, H, W, C] without noise."""
     description = load_scene(scene)
-    return np.stack([radiance(description, k) for k in range(len(description.tables.image))])
+    return np.stack([radiance(description, k) for k in range(len(description.scene))])
 
 
 @pytest.mark.parametrize("bits", [None, 8, 16])

@@ -32,6 +32,8 @@ _SHARES: dict[str, list[tuple[str | Factor, ...]]] = {
 _SEVERAL = {"lobes": ("2", "3")}
 _COLOURED = {"fresnel": ("schlick", "colour-shift")}
 _METALLIC = {"fresnel": ("schlick", "colour-shift", "conductor")}
+_METAL = {"fresnel": ("conductor",)}
+_SHIFT = {"fresnel": ("colour-shift",)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,29 +73,13 @@ class CookTorrance(Brdf):
         variants=((_COLOURED, {"per_channel": True, "held": None}),),
     )
     f0_mean: Tensor = parameter(
-        unit_interval,
-        unit="1",
-        doc="average of f0 over wavelengths",
-        default=0.04,
-        log=True,
-        when={"fresnel": ("colour-shift",)},
+        unit_interval, unit="1", doc="average of f0 over wavelengths", default=0.04, log=True, when=_SHIFT
     )
     eta: Tensor = parameter(
-        interval(0.05, 10),
-        unit="1",
-        doc="index of refraction n",
-        default=1.5,
-        log=True,
-        per_channel=True,
-        when={"fresnel": ("conductor",)},
+        interval(0.05, 10), unit="1", doc="index of refraction n", default=1.5, log=True, per_channel=True, when=_METAL
     )
     k: Tensor = parameter(
-        interval(0, 12),
-        unit="1",
-        doc="extinction coefficient",
-        default=3.0,
-        per_channel=True,
-        when={"fresnel": ("conductor",)},
+        interval(0, 12), unit="1", doc="extinction coefficient", default=3.0, per_channel=True, when=_METAL
     )
     slope_2: Tensor = declarations.slope("rms slope of the second lobe", 0.4, when=_SEVERAL)
     slope_3: Tensor = declarations.slope("rms slope of the third lobe", 0.6, when={"lobes": ("3",)})

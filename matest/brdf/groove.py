@@ -14,15 +14,15 @@ import math
 import torch
 from torch import Tensor
 
-# Squared distances below this are replaced by it: at ms = mv = 0 their square root has no derivative.
+# Smallest squared distance: at ms = mv = 0 its square root would have no derivative.
 _SQUARED_FLOOR = 1e-30
 
 
 def direct(cos_t: Tensor, p: Tensor, q: Tensor) -> Tensor:
     """Mean over both facets of f / (ρ/π) for light that is reflected once.
 
-    min(PQ, P, Q) · 4 cos t is eq. 6 with its geometric attenuation factor: of shadow and mask, which both start at the
-    bottom of the groove, the larger one counts (the print can be read otherwise; a traced groove decides).
+    min(PQ, P, Q) · 4 cos t is eq. 6 with its geometric attenuation factor. Shadow and mask both start at the bottom of
+    the groove, so only the larger one counts (the print is ambiguous; a ray-traced groove confirms this).
     """
     facet = _attenuated(p.clamp(min=0), q.clamp(min=0))
     opposite = _attenuated((1 - p).clamp(min=0), (1 - q).clamp(min=0))
@@ -33,10 +33,9 @@ def interreflection(sin2_t: Tensor, cos_t: Tensor, p: Tensor, q: Tensor) -> Tens
     """Mean over both facets of f / (ρ²/π) for light that reaches the viewer from one facet by way of the other.
 
     Eq. 11 is the mixed difference d(1,mv) + d(1,ms) − d(ms,mv) − d(1,1) of d(x,y)² = x² + 2xy cos 2t + y², with the
-    shadowed and masked widths ms, mv from the bottom as fractions of the facet. It is (1 − ms)(1 − mv) · 2 sin² t · κ;
-    κ below is what remains after dividing these factors out by hand, free of cancellation for flat grooves as well as
-    near grazing. Where the sides differ (a shadowed or masked facet) only one of them contributes, and where neither
-    is shadowed or masked both have the same κ: one evaluation serves both.
+    shadowed and masked widths ms, mv from the bottom as fractions of the facet. It is (1 − ms)(1 − mv) · 2 sin² t · κ.
+    The code computes κ without these factors, so that it keeps its digits in flat grooves and near grazing. Where a
+    facet is shadowed or masked only one facet contributes, and elsewhere both have the same κ: it is computed once.
 
     `sin2_t` is sin² t.
     """

@@ -228,7 +228,7 @@ def _forward(roughness: Roughness, directions: Directions, transmittance: Tensor
     exponent = _tan2(ahead, d.crosswise, d.sin_i, d.cos_o) * _inverse_width(roughness, d, 0)
     if law == "reciprocal":
         exponent = 0.5 * (exponent + _tan2(ahead, d.crosswise, d.sin_o, d.cos_i) * _inverse_width(roughness, d, 1))
-    # `sign` cuts the lobe where all its derivatives vanish.
+    # All derivatives of the lobe are 0 where `sign` ends it.
     lobe = decay(exponent) * torch.sign(ahead) * (1 - d.cos_i) * (1 - d.cos_o) * transmittance
     return Term(("k_fs", complement_of("f0"), complement_of("f0")), lobe)
 

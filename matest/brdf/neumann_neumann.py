@@ -16,14 +16,6 @@ from matest.brdf.terms import Term, lambertian
 from matest.directions import Directions
 
 
-def mirror_power(directions: Directions, exponent: Tensor) -> Tensor:
-    """(R·V)₊ⁿ, R the mirror direction of L; from |R − V|², so that it keeps its digits at the peak."""
-    short = 0.5 * directions.mirror_chord2
-    inside = short.clamp(max=1 - 1e-6)
-    power = decay(-exponent * torch.log1p(-inside))
-    return torch.where(short < 1, power, torch.zeros_like(power))
-
-
 @dataclass(frozen=True, eq=False)
 class NeumannNeumann(Brdf):
     """f = diffuse/π + specular · (n+2)/(2π) · (R·V)₊ⁿ / max(cos θi, cos θr)
@@ -43,6 +35,10 @@ class NeumannNeumann(Brdf):
     source: ClassVar[str] = "Neumann, Neumann & Szirmay-Kalos 1999"
 
     def terms(self, directions: Directions) -> tuple[Term, ...]:
+        # 1 − R·V from |R − V|², R the mirror direction of L: it keeps its digits at the peak.
+        short = 0.5 * directions.mirror_chord2
+        power = decay(-self.exponent * torch.log1p(-short.clamp(max=1 - 1e-6)))
+        power = torch.where(short < 1, power, torch.zeros_like(power))
         stretch = torch.maximum(directions.cos_i, directions.cos_o).clamp(min=1e-6)
-        lobe = (self.exponent + 2) / (2 * math.pi) * mirror_power(directions, self.exponent) / stretch
+        lobe = (self.exponent + 2) / (2 * math.pi) * power / stretch
         return lambertian(("diffuse",), lobe), Term(("specular",), lobe)

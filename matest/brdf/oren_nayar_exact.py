@@ -20,11 +20,11 @@ from matest.parameters import option
 
 # Slopes × orientations of grooves, for direct light and for the second bounce, which is smoother and costs more.
 _NODES = {"16x16": ((16, 16), (12, 12)), "24x32": ((24, 32), (16, 16)), "48x64": ((48, 64), (24, 32))}
-# Slope nodes are π/2 · u^1.5 with u those of Gauss and Legendre: dense enough near 0 for σ of a degree.
+# Exponent that crowds the slope nodes π/2 · u^1.5 near 0, u Gauss-Legendre's: they then resolve a σ of one degree.
 _CROWDING = 1.5
 # σ below this, in radians, is replaced by it: the weights of the nodes divide by σ.
 _SIGMA_FLOOR = 1e-3
-# Values evaluated at once: as many as fit into the cache of one core.
+# Values that are computed at once: float32 arrays of them (128 kB) fit into the cache of one core.
 _TILE = 1 << 15
 
 Groove = Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
@@ -39,7 +39,7 @@ class OrenNayarExact(Brdf):
     `albedo` ρ is the albedo of a facet, `sigma` σ (rad) the width of the Gaussian slope-area distribution;
     `interreflection` as in `OrenNayar`. Shapes as `Brdf`.
 
-    The nodes do not depend on σ: the columns of the nodes depend on geometry alone, σ only weighs them, and a fit costs
+    The nodes do not depend on σ: their columns depend on geometry alone and their weights on σ alone, and a fit takes
     one pass over the samples. `nodes` = slopes × orientations. Largest and rms deviation from the converged integral
     up to 80° from the normal, σ 1° to 70°, in units of the Lambert radiance: `16x16` 7e-3 and 1e-3, `24x32`
     (default) 3e-3 and 4e-4, `48x64` 4e-4 and 1e-4.

@@ -14,8 +14,9 @@ from matest.brdf.terms import Term
 from matest.directions import Directions
 from matest.parameters import interval, option, parameter
 
-# Number of orientations in the mean over azimuth.
+# Number of orientations in the mean over azimuth: as many as the finest rule of `OrenNayarExact`.
 _ORIENTATIONS = 64
+_PARALLEL = {"isotropic": ("false",)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,12 +40,7 @@ class OrenNayarSingleSlope(Brdf):
     albedo: Tensor = declarations.albedo()
     facet_angle: Tensor = parameter(interval(0, math.radians(89)), unit="rad", doc="tilt of every facet", default=0.3)
     azimuth: Tensor = parameter(
-        interval(0, math.pi),
-        unit="rad",
-        doc="direction across the grooves",
-        default=0.0,
-        when={"isotropic": ("false",)},
-        periodic=True,
+        interval(0, math.pi), unit="rad", doc="direction across the grooves", default=0.0, when=_PARALLEL, periodic=True
     )
     interreflection: Tensor = declarations.interreflection()
     isotropic: str = option("false", choices=("false", "true"), doc="grooves of every orientation")

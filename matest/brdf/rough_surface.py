@@ -23,7 +23,7 @@ _ANISOTROPIC = {"anisotropy": ("printed", "corrected")}
 _COS_FLOOR = 1e-4
 # Cosines above this are replaced by it in log(1 − cos θ), which stays finite in float32.
 _COS_CEILING = 1 - 2**-24
-# Range of the exponents τ/σ: no surface is rougher than the lower end; above the upper end there is no masking.
+# Range of the exponents τ/σ: no surface is rougher than at its lower end; at its upper end nothing is masked.
 _EXPONENTS = (0.1, 1e3)
 # Logarithm of the smallest effective roughness σe/σ.
 _LOG_LIMIT = math.log(1e-4)

@@ -23,10 +23,8 @@ class _View:
 
     Attributes:
         shape: height and width of the images in pixels.
-        coverage: of each pixel by the mask, [H, W] in [0, 1]; None without a mask.
-        camera: for `factor` times the resolution of the images; None without a table of it.
-        fine_shape: rows and columns of rays.
-        mask: the rays inside the mask, bool of `fine_shape`.
+        coverage: of each pixel by the mask, [H, W] in [0, 1].
+        camera: for `factor` times the resolution of the images.
     """
 
     description: Description

@@ -26,14 +26,9 @@ def read_image(path: Path) -> np.ndarray:
     if not path.is_file():
         raise InputError(f"{path}: no such image; put it there or correct 'file'.")
     suffix = path.suffix.lower()
-    if suffix == ".npy":
-        image = _read_npy(path)
-    elif suffix == ".exr":
-        image = _read_exr(path)
-    elif suffix in FORMATS:
-        image = _read_opencv(path)
-    else:
+    if suffix not in FORMATS:
         raise InputError(f"{path}: expected one of {', '.join(FORMATS)}; got '{suffix}'. Convert the image.")
+    image = {".npy": _read_npy, ".exr": _read_exr}.get(suffix, _read_opencv)(path)
     image = image.astype(image.dtype.newbyteorder("="), copy=False)
     if image.ndim == 2:
         image = image[..., None]

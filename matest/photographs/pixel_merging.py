@@ -31,11 +31,11 @@ from matest.samples import Batch, Tile
 from matest.samples.likelihood import TRUSTED, Means, MeasurementNoise, Readout
 from matest.samples.merging import MergedSquares, Tier
 
-# Pixels of the smallest surface that is merged: finding squares on a smaller one takes longer than it saves.
+# Fewest pixels of a surface that is merged: the search for squares on a smaller one takes longer than it saves.
 _MIN_PIXELS = 1 << 15
-# Small squares projected at once: their RGB values take 2.4 MB.
+# Small squares that are projected at once: their RGB values take 2.4 MB.
 _SQUARES_AT_ONCE = 4096
-# Samples of a tile, about: enough for its overhead not to count, few enough that all workers have tiles.
+# Samples of a tile, about: so many that its overhead does not count, so few that all workers have tiles.
 _TILE_SAMPLES = 98_304
 
 

@@ -170,7 +170,7 @@ class LitPixels:
         return Batch(
             points=self.points(image, index),
             radiance=self.radiance(image, index),
-            noise=self.noise(image, index),
+            noise=MeasurementNoise(self.readout(image, index), self.limits(image, index), self.clipped(image, index)),
             pixels=torch.from_numpy(index.astype(np.int64)).to(self.device),
             groups=self.labels(position, index),
         )
@@ -178,10 +178,6 @@ class LitPixels:
     def labels(self, position: int, index: np.ndarray) -> Tensor:
         """Group of some pixels of the image at `position`, int64 [n]."""
         return torch.from_numpy(position * BLOCKS + self.blocks[index].astype(np.int64))
-
-    def noise(self, image: int, index: np.ndarray) -> MeasurementNoise:
-        """Noise of some pixels of an image."""
-        return MeasurementNoise(self.readout(image, index), self.limits(image, index), self.clipped(image, index))
 
     def points(self, image: int, index: np.ndarray) -> Points:
         """Geometry and light of some pixels of an image."""

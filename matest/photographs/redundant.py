@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from torch import Tensor
 
 from matest.samples.redundancy import Redundancy
 
@@ -25,9 +24,11 @@ def without_copies(photographs: Photographs) -> Photographs:
 
     Copies have the same noise. Counted as independent values, they would make error bars too small.
     """
-    if photographs.channels == 1 or not all(_alike(tensor) for tensor in _colours(photographs)):
-        return photographs
     scene, encoding = photographs.scene, photographs.encoding
+    colours = [scene.ambient, *(light.power for lights in scene.lights for light in lights)]
+    colours += [] if scene.wavelength is None else [scene.wavelength]
+    if photographs.channels == 1 or not all(bool((colour == colour[..., :1]).all()) for colour in colours):
+        return photographs
     calibration = [part for part in (encoding.black, encoding.flat) if isinstance(part, np.ndarray)]
     for part in (*photographs.stored, *calibration):
         if not all(_equal(part[:, 0], part[:, channel]) for channel in range(1, part.shape[1])):
@@ -113,15 +114,3 @@ def _equal(one: np.ndarray, other: np.ndarray) -> bool:
 def _excerpt(pixels: np.ndarray) -> np.ndarray:
     """The first pixels of the second half."""
     return pixels[len(pixels) // 2 : len(pixels) // 2 + _EXCERPT]
-
-
-def _colours(photographs: Photographs) -> list[Tensor]:
-    """All stated values that have one entry per channel [..., C]."""
-    scene = photographs.scene
-    wavelength = [] if scene.wavelength is None else [scene.wavelength]
-    return [scene.ambient, *wavelength, *(light.power for lights in scene.lights for light in lights)]
-
-
-def _alike(values: Tensor) -> bool:
-    """Whether all channels have the same values."""
-    return bool((values == values[..., :1]).all())

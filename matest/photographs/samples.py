@@ -28,17 +28,14 @@ class PhotographSamples(LitPixels):
 
     @property
     def channels(self) -> int:
-        """Channels of the radiance."""
         return self.photographs.channels
 
     @property
     def relative(self) -> bool:
-        """Whether the strengths of the lights have one unknown factor in common."""
         return self.photographs.relative
 
     @property
     def noise_stated(self) -> bool:
-        """Whether the noise is known; if not, it was estimated from the photographs."""
         return self.photographs.noise_stated
 
     @cached_property
@@ -58,7 +55,6 @@ class PhotographSamples(LitPixels):
         return not bool((scene.ambient > 0).any()) and all(len(lights) == 1 for lights in scene.lights)
 
     def optics(self, quantity: Role) -> Tensor | None:
-        """See `Scene.optics`."""
         return self.photographs.scene.optics(quantity)
 
     @cached_property

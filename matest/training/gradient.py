@@ -52,12 +52,9 @@ class Schedule:
             value = getattr(self, name)
             if value is not None and not (isinstance(value, int) and value >= 1):
                 raise InputError(f"{name} must be a positive whole number; got {value}.")
-        if self.checkpoint is not None and (Path(self.checkpoint).is_dir() or not self._folder.is_dir()):
+        file = None if self.checkpoint is None else Path(self.checkpoint).absolute()
+        if file is not None and (file.is_dir() or not file.parent.is_dir()):
             raise InputError(f"{self.checkpoint}: expected a file name in an existing folder; make the folder first.")
-
-    @property
-    def _folder(self) -> Path:
-        return Path(self.checkpoint or "").absolute().parent
 
 
 @dataclass(frozen=True)
