@@ -19,9 +19,10 @@ from matest.capture import Capture
 from matest.estimation.options import Options
 from matest.estimation.specification import specify
 from matest.identifiability import Check, Plan, check
-from matest.identifiability.forecast import forecast, unknowns_at, usable
+from matest.identifiability.forecast import forecast, predicted_samples
+from matest.identifiability.highlight import Nearness
 from matest.identifiability.next_light import hemisphere
-from matest.identifiability.reasons import Nearness, Reasons
+from matest.identifiability.reasons import Reasons
 from matest.photographs.noise import Noise
 from matest.photographs.photometry import Encoding
 from matest.simulate import simulate
@@ -55,7 +56,7 @@ def photograph(where: Studio, name: str, seed: int) -> Capture:
 @pytest.fixture
 def without_advice(monkeypatch: pytest.MonkeyPatch) -> None:
     """The search for the next light takes longer than all else."""
-    monkeypatch.setattr("matest.identifiability.facade.next_light", lambda *_: None, raising=True)
+    monkeypatch.setattr("matest.identifiability.advice.next_light", lambda *_: None, raising=True)
 
 
 def checked(capture: Capture | Plan, name: str, **options: Any) -> Check:
@@ -203,8 +204,8 @@ def test_pixels_predicted_to_be_clipped_say_little() -> None:
 
 def test_a_highlight_that_light_reaches_but_no_usable_sample_asks_for_a_shorter_exposure() -> None:
     problem = specify("cook-torrance", Options(), channels=1, relative=False).problem
-    unknowns = unknowns_at(problem, {**problem.brdf.parameters, "slope": torch.tensor(0.05)})
-    unseen = forecast(usable(plate(70).photographs, problem, unknowns), problem, unknowns)
+    unknowns = problem.unknowns_at({**problem.brdf.parameters, "slope": torch.tensor(0.05)})
+    unseen = forecast(predicted_samples(plate(70).photographs, problem, unknowns), problem, unknowns)
     assert "shorter exposure" in Reasons(unseen, Nearness(usable=0.5, lit=0.01), False).of("slope")
     assert "no image samples" in Reasons(unseen, Nearness(usable=0.5, lit=0.5), False).of("slope")
 
