@@ -18,8 +18,8 @@ from matest.inference.valleys import Around, Valleys
 
 # Standard errors within which a bound is near enough to cut an interval.
 _NEAR_BOUND = 3.0
-# A valley bends if the profile of another unknown moves an unknown this many times the 95 % reach of its error bar.
-_STRAY = 1.2
+# Multiple of the 95 % reach of an error bar. A valley bends if the profile of another unknown moves an unknown further.
+_STRAY_REACH = 1.2
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ def profile_intervals(
 ) -> Intervals:
     """Intervals by the profile of the likelihood near a bound and along a bent valley.
 
-    A symmetric interval is wrong there: a bound cuts the likelihood, and often it is far from quadratic.
+    A symmetric interval is wrong there: a bound cuts the likelihood, which often is far from quadratic.
 
     Args:
         expansion, bars, lobes: the likelihood to second order.
@@ -54,7 +54,7 @@ def profile_intervals(
         not_determined: positions of unknowns that are not determined to first order.
     """
     problem = expansion.problem
-    # Few clusters of the jackknife widen intervals by this much.
+    # Intervals are wider where the jackknife has few clusters.
     quantile = quantile95(bars.covariance.degrees)
     small_sample = quantile / quantile95(math.inf)
     ends: dict[int, tuple[float, float]] = {}
@@ -108,9 +108,9 @@ def _covering(ends: Mapping[int, tuple[float, float]], visited: Sequence[Tensor]
 def _from_zero(
     expansion: Expansion, lobes: LobesNotSeen, ends: Mapping[int, tuple[float, float]]
 ) -> dict[int, tuple[float, float]]:
-    """The intervals, those of amplitudes of lobes that are not seen beginning at zero.
+    """The intervals, where those of amplitudes of lobes that are not seen begin at zero.
 
-    The search chose the width that fits the noise best, which makes these amplitudes look larger.
+    The search chose the lobe width that fits the noise best, which makes these amplitudes too large.
     """
     problem = expansion.problem
     amplitudes = {
@@ -123,10 +123,12 @@ def _from_zero(
 
 
 def _strays(expansion: Expansion, reach: Tensor, visited: Sequence[Tensor]) -> set[int]:
-    """Positions of unknowns that profiles of others moved far beyond their own error bars.
+    """Positions of unknowns that the profiles of others moved far beyond their error bars.
 
-    They have no profile of their own, or one that stays on its side of a valley.
+    Such an unknown has no profile itself, or one that stays on its side of a valley.
     """
     lowest, highest = torch.stack([*visited]).aminmax(dim=0)
-    further = (highest - expansion.unknowns > _STRAY * reach) | (expansion.unknowns - lowest > _STRAY * reach)
+    further = (highest - expansion.unknowns > _STRAY_REACH * reach) | (
+        expansion.unknowns - lowest > _STRAY_REACH * reach
+    )
     return {*(further & (reach > 0)).nonzero()[:, 0].tolist()}

@@ -17,24 +17,24 @@ from matest.samples import Tiles
 TWO_SIDED = 3.841458820694124
 # The same at a bound that no estimate can pass: the 90 % quantile.
 _ONE_SIDED = 2.705543454095414
-# Passes to refit the other unknowns: along a bent valley they have far to go.
+# Passes of one refit of the other unknowns: along a bent valley they move far.
 _REFIT_PASSES = 12
-# Standard errors; a refit ends when its steps are shorter: the ends of an interval need no more.
+# Standard errors. A refit ends when its steps are shorter, which is exact enough for the ends of an interval.
 _REFIT_TOLERANCE = 0.2
-# Values tried for one end of an interval.
+# Values tried for one end of an interval, each of which costs a refit.
 _MAX_TRIALS = 16
-# The trials end within this share of the wanted rise of χ²: the end is then right to a twentieth where χ² is quadratic.
+# Share of the wanted rise of χ² within which the trials end: where χ² is quadratic, the end is right to a twentieth.
 _RISE_TOLERANCE = 0.1
-# Exponents p between which χ² ∝ distanceᵖ is believed.
+# Range of the exponent p in χ² ∝ distanceᵖ; slopes that give another one are wrong.
 _MIN_POWER = 1.0
 _MAX_POWER = 8.0
 # Largest factor by which one trial moves the end away from the optimum, or back.
 _MAX_STRIDE = 5.0
-# χ² can rise steeply beyond a bend: keep trials at least this fraction of the bracket away from its ends.
+# Fraction of the bracket that trials keep away from its ends, because χ² can rise steeply beyond a bend.
 _BRACKET_MARGIN = 0.25
-# The trials end when that margin is this fraction of the distance to the optimum.
+# Fraction of the distance to the optimum. The trials end when that margin is smaller.
 _NARROW_MARGIN = 0.08
-# A bound further away than this multiple of the guessed half-width does not cut an interval.
+# Multiple of the guessed half-width. A bound further away does not cut an interval.
 _FAR_BOUND = 2.0
 
 
@@ -70,13 +70,16 @@ class Surroundings:
     share: float = 1.0
 
     def at(self, position: int, value: float, near: Solution | None = None) -> Rise:
-        """Refit all unknowns but one, beginning at the refit `near`; None: at the optimum. Costs allow for misfit."""
+        """Refit all unknowns but one, beginning at the refit `near`; None: at the optimum.
+
+        Costs are in units of the variance of the residuals.
+        """
         near = near or self.best
         pinned = replace(near.problem, pinned={position: value})
         information, gradient = near.statistics.information, near.statistics.gradient
         start = near.unknowns.clone()
         start[position] = value
-        # Begin where the quadratic model expects the others.
+        # Begin where the quadratic model has the optimum of the others.
         start = start + bounded_step(pinned, start, information, gradient - information @ (start - near.unknowns))
         refit = minimise(pinned, start, self.evaluate, passes=_REFIT_PASSES, tolerance=_REFIT_TOLERANCE)
         unit = self.best.statistics.inflation * self.share
