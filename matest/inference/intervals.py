@@ -128,7 +128,5 @@ def _strays(expansion: Expansion, reach: Tensor, visited: Sequence[Tensor]) -> s
     Such an unknown has no profile itself, or one that stays on its side of a valley.
     """
     lowest, highest = torch.stack([*visited]).aminmax(dim=0)
-    further = (highest - expansion.unknowns > _STRAY_REACH * reach) | (
-        expansion.unknowns - lowest > _STRAY_REACH * reach
-    )
-    return {*(further & (reach > 0)).nonzero()[:, 0].tolist()}
+    distance = torch.maximum(highest - expansion.unknowns, expansion.unknowns - lowest)
+    return {*((distance > _STRAY_REACH * reach) & (reach > 0)).nonzero()[:, 0].tolist()}
