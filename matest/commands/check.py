@@ -23,8 +23,7 @@ def check(
         ),
     ] = None,
     at: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="Predict for this value of an estimated parameter."),
+        list[str] | None, typer.Option(metavar="NAME=VALUE", help="Predict for this value of an estimated parameter.")
     ] = None,
     fix: arguments.Fix = None,
     free: arguments.Free = None,

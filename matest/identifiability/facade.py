@@ -132,11 +132,7 @@ def _nominal(plan: Plan, options: Options, at: Mapping[str, Value]) -> Nominal:
     expression = options.model or (plan.material.expression if plan.material is not None else DEFAULT_MODEL)
     photographs = plan.photographs
     specification = specify(
-        expression,
-        options,
-        channels=photographs.channels,
-        relative=photographs.relative,
-        scene=photographs.scene,
+        expression, options, channels=photographs.channels, relative=photographs.relative, scene=photographs.scene
     )
     brdf = specification.problem.brdf
     if not specification.problem.free:

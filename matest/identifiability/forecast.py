@@ -159,9 +159,7 @@ def bent_names(forecast: Forecast, samples: PhotographSamples) -> tuple[str, ...
 
 
 def as_estimated(
-    samples: PhotographSamples,
-    nominal: Nominal,
-    beside: Callable[[Forecast], Forecast] = lambda alone: alone,
+    samples: PhotographSamples, nominal: Nominal, beside: Callable[[Forecast], Forecast] = lambda alone: alone
 ) -> tuple[Forecast, Forecast]:
     """The forecast of what `estimate` will free, and the one with everything free that is held by default.
 

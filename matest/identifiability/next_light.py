@@ -44,17 +44,25 @@ def next_light(
     ranks = []
     for count, light in enumerate(lights, start=1):
         progress("trying lights", count, len(lights))
-        more = _one_more(lattice, before, light)
-        ranks.append((before + replace(more, information=weight * more.information)).worst)
+        ranks.append(with_light(lattice, before, light, weight).worst)
     finalists = sorted(range(len(lights)), key=ranks.__getitem__)[:_FINALISTS]
     forecasts = [(lights[number], with_light(photographs, before, lights[number])) for number in finalists]
     light, after = min(forecasts, key=lambda pair: pair[1].worst)
     return (light, after) if after.worst < before.worst else None
 
 
-def with_light(photographs: Photographs, before: Forecast, light: DirectionalLight) -> Forecast:
-    """The forecast for the photographs and one more under a light."""
-    return before + _one_more(photographs, before, light)
+def with_light(photographs: Photographs, before: Forecast, light: DirectionalLight, weight: float = 1.0) -> Forecast:
+    """The forecast for the photographs and one more under a light, each pixel of which counts `weight` times."""
+    ambient = torch.zeros(1, photographs.channels, dtype=torch.float64)
+    photograph = replace(
+        photographs,
+        scene=Scene(photographs.scene.surface, ((light,),), ambient).with_shadows(),
+        exposures=(float(np.mean(photographs.exposures)),),
+        stored=photographs.stored[:1],
+    )
+    samples = predicted_samples(photograph, before.problem, before.unknowns)
+    more = forecast(samples, before.problem, before.unknowns)
+    return before + replace(more, information=weight * more.information)
 
 
 def camera_direction(surface: Surface) -> Tensor:
@@ -83,19 +91,6 @@ def mean_irradiance(scene: Scene) -> Tensor:
     if not powers:
         return torch.full((scene.channels,), math.pi, dtype=torch.float64)
     return torch.stack(powers).mean(0)
-
-
-def _one_more(photographs: Photographs, before: Forecast, light: DirectionalLight) -> Forecast:
-    """The forecast for a single photograph under one light."""
-    ambient = torch.zeros(1, photographs.channels, dtype=torch.float64)
-    photograph = replace(
-        photographs,
-        scene=Scene(photographs.scene.surface, ((light,),), ambient).with_shadows(),
-        exposures=(float(np.mean(photographs.exposures)),),
-        stored=photographs.stored[:1],
-    )
-    samples = predicted_samples(photograph, before.problem, before.unknowns)
-    return forecast(samples, before.problem, before.unknowns)
 
 
 def _lattice(photographs: Photographs) -> tuple[Photographs, float]:

@@ -53,7 +53,7 @@ class Plan:
         plan = cls(capture.name, capture.photographs)
         return plan if plan.photographs.noise_stated else replace(plan, noise_source="estimated from the images")
 
-    def with_noise(self, read: float, gain: float) -> Plan:
+    def with_noise(self, read: float, gain: float, source: str = "as given") -> Plan:
         """The same photographs with noise of variance read² + gain·signal, fractions of full scale.
 
         Raises:
@@ -66,7 +66,7 @@ class Plan:
             )
         noise = Noise(read, gain).with_rounding(self.photographs.encoding, self.photographs.stored[0].dtype)
         photographs = replace(self.photographs, noise=noise, noise_stated=True)
-        return replace(self, photographs=photographs, noise_source="as given")
+        return replace(self, photographs=photographs, noise_source=source)
 
 
 def load_plan(path: str | Path, *, transfer: str | float | None = None, progress: Progress = silent) -> Plan:
@@ -134,9 +134,8 @@ def _planned(
     noise = stated or TYPICAL
     photographs = setup.photographs((pixels,) * len(setup.exposures), noise)
     exposed = table.scale is not None or images.dtype.kind == "f"
-    plan = Plan(description.name, photographs, material, exposed).with_noise(noise.read, noise.gain)
     source = "as the file states it" if stated else "that of a typical camera, as none is stated"
-    return replace(plan, noise_source=source)
+    return Plan(description.name, photographs, material, exposed).with_noise(noise.read, noise.gain, source)
 
 
 def _has_material(file: Path) -> bool:

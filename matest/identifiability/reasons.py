@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import torch
@@ -13,6 +13,7 @@ from matest.brdf import Brdf, Sum
 from matest.brdf.terms import Product
 from matest.directions import Directions
 from matest.errors import InputError
+from matest.estimators import Problem
 from matest.identifiability.forecast import Forecast
 from matest.identifiability.highlight import Nearness
 from matest.parameters import Role, options_of
@@ -31,27 +32,29 @@ _EXPONENT_TOLERANCE = 0.15
 _LOBE_CONTRAST = 5.0
 
 
+@dataclass(frozen=True, eq=False)
 class Reasons:
     """Sentences on why the samples of a forecast determine a parameter badly or not at all.
 
-    Args:
+    Attributes:
         forecast: the parameters asked about are free in it.
         nearness: of its samples to a highlight.
         relative: whether the strength of the lights is unknown.
         bent: names of parameters along a valley of the likelihood that bends within their standard errors.
     """
 
-    def __init__(self, forecast: Forecast, nearness: Nearness, relative: bool, bent: tuple[str, ...] = ()) -> None:
-        self.problem = forecast.problem
-        self._forecast = forecast
-        self._nearness = nearness
-        self._relative = relative
-        self.bent = bent
-        self._values = forecast.problem.values(forecast.unknowns)
+    forecast: Forecast
+    nearness: Nearness
+    relative: bool
+    bent: tuple[str, ...] = ()
+
+    @property
+    def problem(self) -> Problem:
+        return self.forecast.problem
 
     def of(self, name: str) -> str:
         """Why `name` is not determined, or badly."""
-        if not self._forecast.values:
+        if not self.forecast.values:
             return "no image has a usable sample"
         if absent := self._absent(name):
             return absent
@@ -76,15 +79,14 @@ class Reasons:
     def locked(self, name: str) -> str | None:
         """That a parameter carries the unknown scale of the light; None if it does not."""
         scales = self.problem.declared(name).per_channel and math.isinf(self.problem.domain(name).upper)
-        if self._relative and scales:
+        if self.relative and scales:
             return f"{name} and the light scale are locked: it is known up to that scale"
         return None
 
     def _absent(self, name: str) -> str | None:
         """That every term with the parameter vanishes at these values."""
-        products = self._products(name)
-        zero = [{f.name for f in product if not bool(f.value(self._values).any())} for product in products]
-        zero = [names - {name} for names in zero]
+        values, products = self.forecast.expansion.values, self._products(name)
+        zero = [{f.name for f in product if not bool(f.value(values).any())} - {name} for product in products]
         if products and all(zero):
             return f"what it shapes is absent: {min(zero[0])} is 0 at the values assumed"
         return None
@@ -92,12 +94,11 @@ class Reasons:
     def _out_of_sight(self, name: str) -> str | None:
         """That no sample comes near the highlight that the parameter belongs to."""
         width = max((self._half_width(product) for product in self._products(name)), default=math.inf)
-        nearness = self._nearness
-        if nearness.usable <= width:
+        if self.nearness.usable <= width:
             return None
-        degrees = math.degrees(nearness.usable)
+        degrees = math.degrees(self.nearness.usable)
         distance = f"{degrees:.0f}°" if degrees >= 3 else f"{degrees:.1f}°"
-        if nearness.lit <= width:
+        if self.nearness.lit <= width:
             return f"every sample within {distance} of the highlight is clipped or at an edge: add a shorter exposure"
         return f"no image samples within {distance} of the highlight"
 
@@ -118,22 +119,18 @@ class Reasons:
         half = torch.stack([torch.zeros_like(angles), angles.sin(), angles.cos()], dim=-1)
         light = 2 * (half @ viewer)[:, None] * half - viewer
         directions = Directions(light, viewer.expand_as(light))
-        terms = self._material.terms(directions)
+        terms = self.problem.material(self.forecast.unknowns).terms(directions)
         heights = sum(term.shape.expand(len(angles), -1).amax(-1) for term in terms if term.factors == product)
         heights = torch.as_tensor(heights)
         if not bool(heights[0] > _LOBE_CONTRAST * heights[-1].abs()):
             return math.inf
         return float(angles[int((heights > heights[0] / math.e).nonzero().max())])
 
-    @property
-    def _material(self) -> Brdf:
-        return self.problem.material(self._forecast.unknowns)
-
     @cached_property
     def _covariance(self) -> Tensor:
         """Covariance relative to the values; directions without information get a large but finite error."""
-        scale = self._forecast.references
-        information = self._forecast.information * scale[:, None] * scale[None, :]
+        scale = self.forecast.references
+        information = self.forecast.information * scale[:, None] * scale[None, :]
         return torch.linalg.inv(information + torch.eye(len(scale)).double() / _LARGEST_RELATIVE_STD**2)
 
     def _partners(self, name: str) -> dict[str, float]:
@@ -165,28 +162,27 @@ class Reasons:
     def _separating(self, name: str, other: str) -> str | None:
         """The option with which a model would show more of two parameters than their ratio."""
         brdf = self.problem.brdf
-        component = name.rpartition(".")[0]
+        (component, _, key), (others_component, _, others_key) = name.rpartition("."), other.rpartition(".")
         parts = {part.name: part for part in brdf.components} if isinstance(brdf, Sum) else {"": brdf}
-        chosen = parts[component]
-        keys = (name.rpartition(".")[2], other.rpartition(".")[2])
-        if other.rpartition(".")[0] != component or not _only_derived(chosen, *keys):
+        part = parts[component]
+        if others_component != component or not _only_derived(part, key, others_key):
             return None
-        for option, choices in options_of(type(chosen)).items():
+        for option, choices in options_of(type(part)).items():
             for choice in choices:
                 try:
-                    variant = replace(chosen, **{option: choice})  # type: ignore[type-var]
+                    variant = replace(part, **{option: choice})  # type: ignore[type-var]
                 except InputError:
                     continue
-                if {*keys} <= {*variant.declared} and not _only_derived(variant, *keys):
-                    doc = type(chosen).__dataclass_fields__[option].metadata["doc"]  # type: ignore[attr-defined]
+                if {key, others_key} <= {*variant.declared} and not _only_derived(variant, key, others_key):
+                    doc = type(part).__dataclass_fields__[option].metadata["doc"]  # type: ignore[attr-defined]
                     return f"{option}={choice} ({doc.partition(' (')[0]})"
         return None
 
     def _alone(self, name: str) -> float:
         """Relative standard error of a parameter at given other parameters."""
         place = self.problem.where[name]
-        information = self._forecast.information.diagonal()[place].clamp(min=0)
-        return float((information.rsqrt() / self._forecast.references[place]).max())
+        information = self.forecast.information.diagonal()[place].clamp(min=0)
+        return float((information.rsqrt() / self.forecast.references[place]).max())
 
     def _effect(self, name: str) -> str:
         """How large a change of a parameter would stand out of the noise."""

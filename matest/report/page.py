@@ -118,12 +118,9 @@ def _images(files: list[str]) -> str:
 
 def _table(head: Sequence[str], body: Sequence[Sequence[str]], kind: str = "") -> str:
     cells = "".join(f"<th>{escape(cell)}</th>" for cell in head)
-    lines = "".join("<tr>" + "".join(f"<td>{_cell(cell)}</td>" for cell in row) + "</tr>" for row in body)
+    lines = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in body)
+    lines = lines.replace("\n", "<br>")
     return f'<table class="{kind}"><thead><tr>{cells}</tr></thead><tbody>{lines}</tbody></table>'
-
-
-def _cell(text: str) -> str:
-    return escape(text).replace("\n", "<br>")
 
 
 def _skipped(estimate: Estimate) -> str:
