@@ -17,7 +17,7 @@ from matest.inference.derived import reported_name
 from matest.inference.quantities import Number
 from matest.photographs.samples import PhotographSamples
 from matest.progress import Progress, silent
-from matest.scene import DirectionalLight, Surface
+from matest.scene import Surface
 
 
 @dataclass(frozen=True)
@@ -66,47 +66,39 @@ def advise(
     if best is None:
         return None
     light, after = best
+    open_before, open_after = before.posterior.not_determined, after.posterior.not_determined
+    resolves = [name for name in open_before if name not in open_after]
+    worst = before.worst[1], after.worst[1]
+    if not resolves and worst[1] >= worst[0]:
+        return None
     estimated = after
     if {*nominal.specification.default_held} - {*before.problem.free}:
         estimated, _ = as_estimated(samples, nominal, partial(with_light, photographs, light=light))
-    advice = _advice(photographs.scene.surface, light, before, after, estimated)
-    return advice if advice.resolves or advice.worst[1] < advice.worst[0] else None
-
-
-def _advice(
-    surface: Surface, light: DirectionalLight, before: Forecast, after: Forecast, estimated: Forecast
-) -> LightAdvice:
-    """What a light brings.
-
-    Args:
-        surface: of the object.
-        light: the new one.
-        before: the forecast without it.
-        after: the same parameters with it.
-        estimated: with it, those parameters free that `estimate` then frees.
-    """
-    problem, axis = before.problem, camera_direction(surface)
-    names = {name: reported_name(problem, name) for name in problem.free}
-    open_before, open_after = before.posterior.not_determined, after.posterior.not_determined
-    gain: dict[str, float | None] = {}
-    for name, label in names.items():
-        place = problem.where[name]
-        ratio = float((before.std[place] / after.std[place]).max())
-        gain[label] = ratio if math.isfinite(ratio) and label not in {*open_before, *open_after} else None
-    x, y, z = light.direction.tolist()
-    frees = [name for name in estimated.problem.free if name not in problem.free]
+    frees = [name for name in estimated.problem.free if name not in before.problem.free]
+    surface, (x, y, z) = photographs.scene.surface, light.direction.tolist()
+    axis = camera_direction(surface)
     return LightAdvice(
         direction=(x, y, z),
         from_camera=math.acos(float((light.direction @ axis).clamp(-1, 1))),
         azimuth=_azimuth(surface, light.direction, axis),
         irradiance=light.irradiance.tolist(),
         std=_errors(after),
-        worst=(before.worst[1], after.worst[1]),
-        gain=gain,
-        resolves=[label for label in open_before if label not in open_after],
+        worst=worst,
+        gain=_gain(before, after),
+        resolves=resolves,
         frees=frees,
         freed=_errors(estimated) if frees else {},
     )
+
+
+def _gain(before: Forecast, after: Forecast) -> dict[str, float | None]:
+    """How many times smaller errors become, by reported name; None where not determined before or after."""
+    problem, gain = before.problem, {}
+    not_determined = {*before.posterior.not_determined, *after.posterior.not_determined}
+    for name, place in problem.where.items():
+        label, ratio = reported_name(problem, name), float((before.std[place] / after.std[place]).max())
+        gain[label] = ratio if math.isfinite(ratio) and label not in not_determined else None
+    return gain
 
 
 def _errors(forecast: Forecast) -> dict[str, Number]:

@@ -139,8 +139,8 @@ def _nominal(plan: Plan, options: Options, at: Mapping[str, Value]) -> Nominal:
         raise InputError(f"every parameter of {expression} is fixed or tied: there is no error to predict; free one.")
     values: dict[str, Tensor] = {}
     if plan.material is not None and plan.material.expression == expression:
-        fixed = by_path(brdf, options.fix)
-        values = {name: value for name, value in plan.material.parameters.items() if name not in fixed}
+        fix = by_path(brdf, options.fix)
+        values = {name: value for name, value in plan.material.parameters.items() if name not in fix}
     return Nominal.of(specification, values, at)
 
 

@@ -103,11 +103,11 @@ def spread_tiles(samples: PhotographSamples) -> tuple[list[list[Callable[[], Til
     weights: dict[int, float] = {}
     for position in range(len(samples.images)):
         index = samples.indices(position)
-        kept = index[np.arange(0, len(index), step).astype(int)]
-        if not len(kept):
+        subset = index[np.arange(0, len(index), step).astype(int)]
+        if not len(subset):
             continue
-        weights[position] = len(index) / len(kept)
-        chunks = (kept[start : start + _TILE_SAMPLES] for start in range(0, len(kept), _TILE_SAMPLES))
+        weights[position] = len(index) / len(subset)
+        chunks = (subset[start : start + _TILE_SAMPLES] for start in range(0, len(subset), _TILE_SAMPLES))
         tiles.append([partial(_tile, samples, position, chunk) for chunk in chunks])
     return tiles, weights
 

@@ -44,12 +44,12 @@ class Nominal:
         Raises:
             InputError: an unknown parameter, a value outside its domain, or a value of a parameter not estimated.
         """
-        given = {**scene, **_yardstick_lengths(specification.problem, scene), **_assumed_values(specification, at)}
-        held = {name: given[name] for name in specification.default_held if name in given}
-        problem = replace(specification.problem, held={**specification.problem.held, **held})
+        overrides = {**scene, **_yardstick_lengths(specification.problem, scene), **_assumed_values(specification, at)}
+        held_values = {name: overrides[name] for name in specification.default_held if name in overrides}
+        problem = replace(specification.problem, held={**specification.problem.held, **held_values})
         values = {name: torch.as_tensor(value).double() for name, value in problem.brdf.parameters.items()}
-        values = _with_ties(problem, {**values, **given, **problem.held})
-        return cls(replace(specification, problem=problem), values, _levels(problem, values, given))
+        values = _with_ties(problem, {**values, **overrides, **problem.held})
+        return cls(replace(specification, problem=problem), values, _levels(problem, values, overrides))
 
     @property
     def problem(self) -> Problem:
@@ -78,11 +78,10 @@ class Nominal:
 
 def _yardstick_lengths(problem: Problem, scene: Mapping[str, Tensor]) -> dict[str, Tensor]:
     """The lengths of a scene's material in units of a length that is held: only their ratio has an effect."""
-    quantities = {name: problem.quantity(name) for name in scene if name in problem.where}
     return {
         name: quantity.inverse(quantity.value(scene), problem.held)
-        for name, quantity in quantities.items()
-        if quantity is not None
+        for name in scene
+        if name in problem.where and (quantity := problem.quantity(name)) is not None
     }
 
 
@@ -100,15 +99,15 @@ def _assumed_values(specification: Specification, at: Mapping[str, Value]) -> di
     return tensors
 
 
-def _levels(problem: Problem, values: Mapping[str, Tensor], given: Mapping[str, Tensor]) -> list[dict[str, Tensor]]:
+def _levels(problem: Problem, values: Mapping[str, Tensor], overrides: Mapping[str, Tensor]) -> list[dict[str, Tensor]]:
     """The values with all shape parameters that nobody gave scaled together, inside their domains."""
-    domains = {name: problem.declared(name).domain for name in problem.shapes if name not in {*given, *problem.gauges}}
-    return [
-        _with_ties(
-            problem, {**values, **{name: (level * values[name]).clamp(d.lower, d.upper) for name, d in domains.items()}}
-        )
-        for level in (_LEVELS if domains else ())
-    ]
+    names = [name for name in problem.shapes if name not in {*overrides, *problem.gauges}]
+    levels = []
+    for level in _LEVELS if names else ():
+        domains = {name: problem.declared(name).domain for name in names}
+        scaled = {name: (level * values[name]).clamp(domain.lower, domain.upper) for name, domain in domains.items()}
+        levels.append(_with_ties(problem, {**values, **scaled}))
+    return levels
 
 
 def _with_ties(problem: Problem, values: Mapping[str, Tensor]) -> dict[str, Tensor]:

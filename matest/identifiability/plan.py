@@ -130,11 +130,11 @@ def _planned(
     table = description.tables.encoding
     setup = realise(description, images, transfer=transfer or table.transfer or "linear")
     pixels = np.zeros((len(setup.scene.surface), images.channels), images.dtype)
-    stated = setup.noise if setup.noise is not None and setup.noise != Noise(0.0, 0.0) else None
-    noise = stated or TYPICAL
+    stated_noise = setup.noise if setup.noise is not None and setup.noise != Noise(0.0, 0.0) else None
+    noise = stated_noise or TYPICAL
     photographs = setup.photographs((pixels,) * len(setup.exposures), noise)
     exposed = table.scale is not None or images.dtype.kind == "f"
-    source = "as the file states it" if stated else "that of a typical camera, as none is stated"
+    source = "as the file states it" if stated_noise else "that of a typical camera, as none is stated"
     return Plan(description.name, photographs, material, exposed).with_noise(noise.read, noise.gain, source)
 
 

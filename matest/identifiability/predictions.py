@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from matest.identifiability.forecast import Forecast
 from matest.identifiability.reasons import Reasons
-from matest.inference.derived import known_by_derived, reported_name
+from matest.inference.derived import reported_name, shows_only_in_derived
 from matest.inference.quantities import Number
 
 # Relative standard error above which a parameter is weak: the error bar is larger than the value.
@@ -49,7 +49,7 @@ def predictions(forecasts: Sequence[Forecast], reasons: Reasons, reasons_if_free
         reasons_if_free: of all parameters, those held by default free too.
     """
     forecast, problem = forecasts[0], forecasts[0].problem
-    stand_ins = {reported_name(problem, name): name for name in problem.free if known_by_derived(problem, name)}
+    stand_ins = {reported_name(problem, name): name for name in problem.free if shows_only_in_derived(problem, name)}
     values: dict[str, Number] = {name: value.tolist() for name, value in forecast.expansion.values.items()}
     values |= {name: forecast.posterior.estimates[name].value for name in stand_ins}
     out = {}
@@ -74,7 +74,7 @@ def _of_estimated(
     relative = [float(forecast.relative_std[problem.where[source]].max()) for forecast in forecasts]
     status, reason = _verdict(prediction.status, source, relative[0], reasons)
     span = _span(relative)
-    if known_by_derived(problem, name):
+    if shows_only_in_derived(problem, name):
         span, reason = None, f"only {reported_name(problem, name)} is seen without coherent light"
     size = None if status == "not determined" else relative[0]
     return replace(prediction, relative=size, range=span, status=status, reason=reason)

@@ -99,6 +99,6 @@ def reported_name(problem: Problem, name: str) -> str:
     return name if quantity is None else quantity.name
 
 
-def known_by_derived(problem: Problem, name: str) -> bool:
-    """Whether a parameter only has an effect through a quantity derived from it and others."""
+def shows_only_in_derived(problem: Problem, name: str) -> bool:
+    """Whether a parameter has an effect only through a quantity derived from it and others."""
     return name in problem.arbitrary or problem.quantity(name) is not None

@@ -58,7 +58,7 @@ def profile_intervals(
     quantile = quantile95(bars.covariance.degrees)
     small_sample = quantile / quantile95(math.inf)
     ends: dict[int, tuple[float, float]] = {}
-    visited = [expansion.unknowns]
+    region = [expansion.unknowns]
     for position in range(problem.size):
         if position in not_determined and (position not in valleys.bent or position in valleys.locked):
             continue
@@ -68,11 +68,11 @@ def profile_intervals(
             profile = Profile(around(), position, wider * small_sample, position in valleys.flat)
             low, high, inside = profile.interval(spread)
             ends[position] = (low, high)
-            visited += inside
+            region += inside
     reach = quantile * bars.open.std
-    strays = _strays(expansion, reach, visited) - {*ends}
+    strays = _strays(expansion, reach, region) - {*ends}
     ends |= {position: _symmetric(expansion, position, float(reach[position])) for position in strays}
-    ends = _covering(ends, visited)
+    ends = _covering(ends, region)
     return Intervals(_from_zero(expansion, lobes, ends), valleys.bent | strays)
 
 
@@ -96,9 +96,9 @@ def _symmetric(expansion: Expansion, position: int, reach: float) -> tuple[float
     return max(value - reach, lower), min(value + reach, upper)
 
 
-def _covering(ends: Mapping[int, tuple[float, float]], visited: Sequence[Tensor]) -> dict[int, tuple[float, float]]:
+def _covering(ends: Mapping[int, tuple[float, float]], region: Sequence[Tensor]) -> dict[int, tuple[float, float]]:
     """Intervals widened to all values inside the 95 % region that some profile visited."""
-    lowest, highest = torch.stack([*visited]).aminmax(dim=0)
+    lowest, highest = torch.stack([*region]).aminmax(dim=0)
     return {
         position: (min(low, float(lowest[position])), max(high, float(highest[position])))
         for position, (low, high) in ends.items()
@@ -122,11 +122,11 @@ def _from_zero(
     }
 
 
-def _strays(expansion: Expansion, reach: Tensor, visited: Sequence[Tensor]) -> set[int]:
+def _strays(expansion: Expansion, reach: Tensor, region: Sequence[Tensor]) -> set[int]:
     """Positions of unknowns that the profiles of others moved far beyond their error bars.
 
     Such an unknown has no profile itself, or one that stays on its side of a valley.
     """
-    lowest, highest = torch.stack([*visited]).aminmax(dim=0)
+    lowest, highest = torch.stack([*region]).aminmax(dim=0)
     distance = torch.maximum(highest - expansion.unknowns, expansion.unknowns - lowest)
     return {*((distance > _STRAY_REACH * reach) & (reach > 0)).nonzero()[:, 0].tolist()}

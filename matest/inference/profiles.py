@@ -133,29 +133,29 @@ class Profile:
         near_bound, far_bound = sorted(domain, key=lambda bound: abs(bound - optimum))
         inward = 1.0 if far_bound > near_bound else -1.0
         inner, outer = optimum + inward * spread, optimum - inward * spread
-        inside: list[Tensor] = []
+        region: list[Tensor] = []
         if abs(optimum - near_bound) < 1e-6 * spread:
-            near, far = near_bound, self._end(inner, far_bound, None, inside)
+            near, far = near_bound, self._end(inner, far_bound, None, region)
         elif abs(optimum - near_bound) > _FAR_BOUND * spread:
-            near = self._end(outer, near_bound, TWO_SIDED, inside)
-            far = self._end(inner, far_bound, TWO_SIDED, inside)
+            near = self._end(outer, near_bound, TWO_SIDED, region)
+            far = self._end(inner, far_bound, TWO_SIDED, region)
         else:
             at_bound = self.at(near_bound)
             distance = math.sqrt(max(at_bound.cost, 0.0))
-            near, far = near_bound, self._end(inner, far_bound, TWO_SIDED, inside)
+            near, far = near_bound, self._end(inner, far_bound, TWO_SIDED, region)
             if at_bound.cost > _ONE_SIDED:
                 outer = inward * max(inward * outer, inward * near_bound)
-                near = self._end(outer, near_bound, lower_threshold(distance), inside)
-        return min(near, far), max(near, far), inside
+                near = self._end(outer, near_bound, lower_threshold(distance), region)
+        return min(near, far), max(near, far), region
 
-    def _end(self, guess: float, limit: float, threshold: float | None, visited: list[Tensor]) -> float:
+    def _end(self, guess: float, limit: float, threshold: float | None, region: list[Tensor]) -> float:
         """The end of an interval: the value between optimum and limit at which χ² has risen by a threshold.
 
         Args:
             guess: of the end.
             limit: the bound on that side.
             threshold: rise of χ²; None: that of an estimate at its bound, which follows from the profile.
-            visited: takes the refits at values inside the interval.
+            region: takes the refitted unknowns at values inside the interval.
         """
         start = float(self.around.best.unknowns[self.position])
         low, high = min(start, limit), max(start, limit)
@@ -169,7 +169,7 @@ class Profile:
                 outside = value
             else:
                 inside, near = value, rise.refit
-                visited.append(near.unknowns)
+                region.append(near.unknowns)
                 if value == limit:
                     return limit
             factor = _stride(rise.cost, gain, target)
@@ -214,7 +214,7 @@ def _lowest_cost(solution: Solution) -> float:
 
 
 def lower_threshold(estimate: float) -> float:
-    """Rise of χ² at the lower end of a 95 % interval, for an estimate so many standard errors above its bound."""
+    """Rise of χ² at the lower end of a 95 % interval, for an estimate `estimate` standard errors above its bound."""
     end = _root(lambda truth: (estimate - truth) ** 2 - threshold(truth), estimate, 0.0)
     return (estimate - end) ** 2
 

@@ -184,11 +184,5 @@ def combined(channels: Sequence[Verdict], unit: str, doc: str) -> ParameterEstim
     status = next(state for state in ("not determined", "at bound", "determined") if state in states)
     if len(channels) == 1:
         return ParameterEstimate(channels[0].value, channels[0].std, channels[0].interval, unit, status, doc)
-    return ParameterEstimate(
-        value=[verdict.value for verdict in channels],
-        std=[verdict.std for verdict in channels],
-        interval95=[verdict.interval for verdict in channels],
-        unit=unit,
-        status=status,
-        doc=doc,
-    )
+    values, stds = [verdict.value for verdict in channels], [verdict.std for verdict in channels]
+    return ParameterEstimate(values, stds, [verdict.interval for verdict in channels], unit, status, doc)

@@ -42,16 +42,16 @@ def write_pictures(capture: Capture, material: Brdf, folder: Path, *, radiance: 
         if radiance:
             write_image(folder / f"{number:02d}.exr", render)
         photo = surface.image(capture.radiance(number))
-        lit = photo[surface.mask]
-        white = float(np.quantile(lit.max(axis=1), 0.995)) or 1.0
+        object_pixels = photo[surface.mask]
+        white = float(np.quantile(object_pixels.max(axis=1), 0.995)) or 1.0
         # The brightest pixels, the highlight's apart, get 80 % of full scale.
         write_image(folder / "images" / f"{number:02d}_photo.png", srgb(0.8 * photo / white))
         write_image(folder / "images" / f"{number:02d}_render.png", srgb(0.8 * render / white))
-        scale = RESIDUAL_RANGE * float(np.sqrt(np.mean(lit**2))) or 1.0
-        counted = np.zeros(surface.shape, dtype=bool)
-        counted.flat[surface.pixels[samples.indices(number)]] = True
+        scale = RESIDUAL_RANGE * float(np.sqrt(np.mean(object_pixels**2))) or 1.0
+        sample_mask = np.zeros(surface.shape, dtype=bool)
+        sample_mask.flat[surface.pixels[samples.indices(number)]] = True
         difference = (photo - render).mean(axis=2) / scale
-        write_image(folder / "images" / f"{number:02d}_residual.png", _diverging(difference, counted))
+        write_image(folder / "images" / f"{number:02d}_residual.png", _diverging(difference, sample_mask))
         profiles = {f"photo_{number:02d}": photo, f"render_{number:02d}": render}
         return [(name, cross_section(image, line)) for name, image in profiles.items()]
 
