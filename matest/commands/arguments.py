@@ -69,19 +69,24 @@ def indices(text: str) -> list[int]:
 
 
 def noise(text: str) -> tuple[float, float]:
-    try:
-        read, gain = (float(part) for part in text.split(","))
-    except ValueError:
-        raise InputError(f"--noise takes READ,GAIN (fractions of full scale), as 0.002,0.0005; got '{text}'.") from None
+    read, gain = _numbers(text, 2, "--noise takes READ,GAIN (fractions of full scale), as 0.002,0.0005")
     return read, gain
 
 
 def line(text: str) -> tuple[float, float, float, float]:
-    try:
-        x0, y0, x1, y1 = (float(part) for part in text.split(","))
-    except ValueError:
-        raise InputError(f"--line takes X0,Y0,X1,Y1 in pixels; got '{text}'.") from None
+    x0, y0, x1, y1 = _numbers(text, 4, "--line takes X0,Y0,X1,Y1 in pixels")
     return x0, y0, x1, y1
+
+
+def _numbers(text: str, count: int, expected: str) -> list[float]:
+    """So many numbers separated by commas; `expected` begins the refusal of anything else."""
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != count:
+        raise InputError(f"{expected}; got '{text}'.")
+    return numbers
 
 
 def encoding(text: str | None) -> str | float | None:

@@ -17,11 +17,7 @@ EXAMPLE = "matest benchmark --suite stress --quick"
 def benchmark(
     suite: Annotated[
         str,
-        typer.Option(
-            metavar="NAME,...",
-            help=f"Only these: {', '.join(SUITES)} (default: all).",
-            show_default=False,
-        ),
+        typer.Option(metavar="NAME,...", help=f"Only these: {', '.join(SUITES)} (default: all).", show_default=False),
     ] = "",
     quick: Annotated[bool, typer.Option("--quick", help="Fewer and smaller: two minutes for all suites.")] = False,
     against: Annotated[

@@ -23,8 +23,7 @@ def check(
         ),
     ] = None,
     at: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="Predict for this value of an estimated parameter."),
+        list[str] | None, typer.Option(metavar="NAME=VALUE", help="Predict for this value of an estimated parameter.")
     ] = None,
     fix: arguments.Fix = None,
     free: arguments.Free = None,
@@ -47,10 +46,10 @@ def check(
 
     options = arguments.options(model, fix, free, tie, transfer)
     assumed = dict(arguments.assignment(text, "--at") for text in at or [])
-    stated = None if noise is None else arguments.noise(noise)
+    camera_noise = None if noise is None else arguments.noise(noise)
     with progress(str(capture)) as say:
         plan = identifiability.load_plan(capture, transfer=options.transfer, progress=say)
-        plan = plan if stated is None else plan.with_noise(*stated)
+        plan = plan if camera_noise is None else plan.with_noise(*camera_noise)
         prediction = identifiability.check_with(plan, options, assumed, say)
     if as_json:
         print_json(prediction.to_dict())

@@ -11,7 +11,7 @@ import torch
 from matest.estimation.specification import Specification
 from matest.estimators import Solution
 from matest.estimators.covariance import fisher
-from matest.inference.derived import known_by_derived
+from matest.inference.derived import shows_only_in_derived
 from matest.inference.posterior import Posterior
 from matest.inference.quantities import ParameterEstimate
 from matest.parameters import OPTICS, Role
@@ -68,7 +68,7 @@ class Context:
     def not_determined(self) -> list[str]:
         """Parameters that are not determined, except those that a derived quantity stands for."""
         names = [name for name, parameter in self.parameters.items() if parameter.status == "not determined"]
-        return [name for name in names if not known_by_derived(self.solution.problem, name)]
+        return [name for name in names if not shows_only_in_derived(self.solution.problem, name)]
 
     @cached_property
     def seen_together(self) -> list[str]:

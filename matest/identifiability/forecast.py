@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 
@@ -12,22 +12,23 @@ import torch
 from torch import Tensor
 
 from matest.estimation.freeing import worth_freeing
-from matest.estimation.specification import Specification, freed
+from matest.estimation.specification import freed
 from matest.estimators import Problem, accumulate
-from matest.identifiability.plan import photographed
+from matest.identifiability.nominal import Nominal
+from matest.identifiability.plan import photographs_of
 from matest.inference.expansion import Expansion
-from matest.inference.posterior import foresee
+from matest.inference.posterior import Posterior, foresee
 from matest.inference.profiles import surroundings
-from matest.inference.quantities import ParameterEstimate
 from matest.inference.valleys import bent_valleys
 from matest.photographs.photographs import Photographs
 from matest.photographs.samples import PhotographSamples
+from matest.progress import Progress
 from matest.samples import Tile
 
-# PhotographSamples of a tile.
-_TILE = 65_536
-# More samples than this are thinned evenly: information is an integral over the images, and needs no more.
-_ENOUGH = 400_000
+# Samples in one tile: bounds the memory of a pass.
+_TILE_SAMPLES = 65_536
+# Samples that a forecast reads, spread evenly; information is an integral over the images and needs no more.
+_ENOUGH_SAMPLES = 400_000
 
 
 @dataclass(frozen=True)
@@ -75,47 +76,39 @@ class Forecast:
 
         The stand-in for the unknown light scale is a nuisance and does not count.
         """
-        counted = torch.ones(self.problem.size, dtype=torch.bool)
-        for name in self.problem.gauges:
-            counted[self.problem.where[name]] = False
-        relative = self.relative_std[counted]
-        lost = ~torch.isfinite(relative)
-        return int(lost.sum()), float(relative[~lost].max()) if bool((~lost).any()) else 0.0
-
-    def estimates(self) -> Mapping[str, ParameterEstimate]:
-        """Every parameter as `estimate` would report it if it found exactly these values."""
-        return foresee(self.expansion).estimates
+        relative = self.relative_std[~self.expansion.gauges]
+        determined = relative[torch.isfinite(relative)]
+        return len(relative) - len(determined), float(determined.max()) if len(determined) else 0.0
 
     @cached_property
     def expansion(self) -> Expansion:
         """χ² about these values, which are its minimum."""
         return Expansion(self.problem, self.unknowns, self.information, torch.zeros(self.problem.size).double())
 
+    @cached_property
+    def posterior(self) -> Posterior:
+        """What `estimate` would report if its solution had exactly these values."""
+        return foresee(self.expansion)
 
-def unknowns_at(problem: Problem, values: Mapping[str, Tensor]) -> Tensor:
-    """u [P] from a value (a scalar, or [C]) of every free parameter."""
-    return torch.cat([torch.atleast_1d(values[name]).double().expand(problem.count(name)) for name in problem.free])
 
-
-def usable(photographs: Photographs, problem: Problem, unknowns: Tensor) -> PhotographSamples:
+def predicted_samples(photographs: Photographs, problem: Problem, unknowns: Tensor) -> PhotographSamples:
     """The samples that photographs of the material at `unknowns` will give."""
-    return photographed(photographs, problem.material(unknowns)).samples(dtype=torch.float64)
+    return photographs_of(problem.material(unknowns), photographs).samples(dtype=torch.float64)
 
 
-def thinned(samples: PhotographSamples) -> tuple[list[list[Callable[[], Tile]]], dict[int, float]]:
-    """Tiles of at most so many samples as are enough, and how many each stands for, by position of the image."""
-    share = max(len(samples) / _ENOUGH, 1.0)
+def spread_tiles(samples: PhotographSamples) -> tuple[list[list[Callable[[], Tile]]], dict[int, float]]:
+    """Tiles of evenly spread samples, and how many samples each of these stands for, by position of the image."""
+    step = max(len(samples) / _ENOUGH_SAMPLES, 1.0)
     tiles: list[list[Callable[[], Tile]]] = []
     weights: dict[int, float] = {}
     for position in range(len(samples.images)):
         index = samples.indices(position)
-        kept = index[np.arange(0, len(index), share).astype(int)]
-        if not len(kept):
+        subset = index[np.arange(0, len(index), step).astype(int)]
+        if not len(subset):
             continue
-        weights[position] = len(index) / len(kept)
-        tiles.append(
-            [partial(_tile, samples, position, kept[start : start + _TILE]) for start in range(0, len(kept), _TILE)]
-        )
+        weights[position] = len(index) / len(subset)
+        chunks = (subset[start : start + _TILE_SAMPLES] for start in range(0, len(subset), _TILE_SAMPLES))
+        tiles.append([partial(_tile, samples, position, chunk) for chunk in chunks])
     return tiles, weights
 
 
@@ -128,13 +121,13 @@ def forecast(samples: PhotographSamples, problem: Problem, unknowns: Tensor) -> 
     """The information of predicted photographs.
 
     Args:
-        samples: of `usable`.
+        samples: of `predicted_samples`.
         problem: what will be estimated; it may have more free parameters than the samples were predicted with.
         unknowns: u [P] of the problem.
     """
     if problem.gauges:
         problem = problem.limited(problem.limit_of_gauges(unknowns))
-    tiles, weights = thinned(samples)
+    tiles, weights = spread_tiles(samples)
     statistics = accumulate(problem, unknowns, tiles, unknowns)
     positions = samples.groups.image[statistics.labels]
     each = torch.tensor([weights[position] for position in positions.tolist()], dtype=torch.float64)
@@ -142,38 +135,54 @@ def forecast(samples: PhotographSamples, problem: Problem, unknowns: Tensor) -> 
     return Forecast(problem, unknowns, information, len(samples) * samples.photographs.channels)
 
 
-def bent_near(found: Forecast, samples: PhotographSamples) -> tuple[str, ...]:
-    """Names of the parameters whose standard errors hold near the values assumed only."""
-    tiles, weights = thinned(samples)
+def at_levels(
+    photographs: Photographs, problem: Problem, levels: Sequence[Mapping[str, Tensor]], progress: Progress
+) -> list[Forecast]:
+    """The forecast at other values of the parameters, for each of some levels."""
+    forecasts = []
+    for values in levels:
+        progress("trying other roughnesses")
+        unknowns = problem.unknowns_at(values)
+        forecasts.append(forecast(predicted_samples(photographs, problem, unknowns), problem, unknowns))
+    return forecasts
+
+
+def bent_names(forecast: Forecast, samples: PhotographSamples) -> tuple[str, ...]:
+    """Names of the parameters along a valley of χ² that bends: their standard errors hold near these values only."""
+    tiles, weights = spread_tiles(samples)
     share = 1 / max(weights.values(), default=1.0)
-    around = cache(partial(surroundings, found.problem, found.unknowns, tiles, share=share))
-    positions = bent_valleys(found.expansion, around)
-    return tuple(name for name, place in found.problem.where.items() if positions & {*range(place.start, place.stop)})
+    around = cache(partial(surroundings, forecast.problem, forecast.unknowns, tiles, share=share))
+    positions = bent_valleys(forecast.expansion, around)
+    return tuple(
+        name for name, place in forecast.problem.where.items() if positions & {*range(place.start, place.stop)}
+    )
 
 
 def as_estimated(
-    samples: PhotographSamples,
-    specification: Specification,
-    values: Mapping[str, Tensor],
-    beside: Callable[[Forecast], Forecast] = lambda found: found,
+    samples: PhotographSamples, nominal: Nominal, beside: Callable[[Forecast], Forecast] = lambda alone: alone
 ) -> tuple[Forecast, Forecast]:
     """The forecast of what `estimate` will free, and the one with everything free that is held by default.
 
-    A parameter held by default is freed where these images determine it, with those that `beside` adds to a forecast.
+    `estimate` frees a parameter held by default where the photographs determine it.
+
+    Args:
+        samples: of `predicted_samples`.
+        nominal: the model and its values.
+        beside: adds further photographs to a forecast.
     """
+    specification, problem = nominal.specification, nominal.problem
 
-    def predicted(problem: Problem) -> Forecast:
-        return beside(forecast(samples, problem, unknowns_at(problem, values)))
+    def predict(problem: Problem) -> Forecast:
+        return beside(forecast(samples, problem, problem.unknowns_at(nominal.values)))
 
-    problem = specification.problem
-    alone = predicted(problem)
+    usual = predict(problem)
     if not specification.default_held:
-        return alone, alone
-    everything = predicted(freed(specification, specification.default_held).problem)
-    chosen = worth_freeing(everything.problem, specification.default_held, everything.unknowns, everything.information)
-    freer = freed(specification, chosen).problem
-    if freer.free == problem.free:
-        return alone, everything
-    found = predicted(freer)
-    lost = any(estimate.status == "not determined" for estimate in found.estimates().values())
-    return alone if lost else found, everything
+        return usual, usual
+    all_free = predict(freed(specification, specification.default_held).problem)
+    names = worth_freeing(all_free.problem, specification.default_held, all_free.unknowns, all_free.information)
+    freer_problem = freed(specification, names).problem
+    if freer_problem.free == problem.free:
+        return usual, all_free
+    freer = predict(freer_problem)
+    is_determined = all(estimate.status != "not determined" for estimate in freer.posterior.estimates.values())
+    return freer if is_determined else usual, all_free

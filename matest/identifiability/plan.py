@@ -1,4 +1,4 @@
-"""Photographs taken, or only planned: what a prediction of error bars needs to know of them."""
+"""Photographs, taken or planned, as a prediction of error bars needs them: geometry, lights, camera and noise."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ from matest.simulate import material_of, scene_format, stored_pixels
 
 # A camera of 10,000 electrons full well and 10 electrons read noise.
 TYPICAL = Noise(read=1e-3, gain=1e-4)
-# The brightest pixel of a planned photograph whose exposure nobody gave, as a share of full scale.
-_EXPOSED = 0.9
-# Photographs that do not exist yet, by suffix; all others hold 16 bits.
-_KINDS = {".exr": np.float32, ".hdr": np.float32, ".npy": np.float32, ".jpg": np.uint8, ".jpeg": np.uint8}
+# The brightest pixel of a planned photograph whose exposure nobody gave, share of full scale: bright, not clipped.
+_BRIGHTEST = 0.9
+# Pixel types of photographs that do not exist yet, by suffix; all others hold 16 bits.
+_PIXEL_TYPES = {".exr": np.float32, ".hdr": np.float32, ".npy": np.float32, ".jpg": np.uint8, ".jpeg": np.uint8}
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Photographs as far as geometry, lights and camera go.
+    """Photographs of which only geometry, lights, camera and noise count.
 
     Attributes:
         name: of the folder.
-        photographs: where none exist the pixels are zero.
+        photographs: their pixels are zero where no files exist.
         material: of a scene; None for a capture.
         exposed: whether the radiance of full scale is known; if not, the brightest predicted pixel lies at 90 % of it.
         noise_source: where the noise comes from, as a clause.
@@ -49,11 +49,11 @@ class Plan:
 
     @classmethod
     def of(cls, capture: Capture) -> Plan:
-        """The plan that photographs already follow."""
+        """The plan of a capture whose photographs exist."""
         plan = cls(capture.name, capture.photographs)
         return plan if plan.photographs.noise_stated else replace(plan, noise_source="estimated from the images")
 
-    def with_noise(self, read: float, gain: float) -> Plan:
+    def with_noise(self, read: float, gain: float, source: str = "as given") -> Plan:
         """The same photographs with noise of variance read² + gain·signal, fractions of full scale.
 
         Raises:
@@ -64,17 +64,12 @@ class Plan:
                 f"noise takes read noise and gain, finite, not negative and not both zero; got {read:g} and {gain:g}. "
                 "A typical camera has 0.001 and 0.0001."
             )
-        given = self.photographs
-        noise = Noise(read, gain).with_rounding(given.encoding, given.stored[0].dtype)
-        return replace(self, photographs=replace(given, noise=noise, noise_stated=True), noise_source="as given")
+        noise = Noise(read, gain).with_rounding(self.photographs.encoding, self.photographs.stored[0].dtype)
+        photographs = replace(self.photographs, noise=noise, noise_stated=True)
+        return replace(self, photographs=photographs, noise_source=source)
 
 
-def load_plan(
-    path: str | Path,
-    *,
-    transfer: str | float | None = None,
-    progress: Progress = silent,
-) -> Plan:
+def load_plan(path: str | Path, *, transfer: str | float | None = None, progress: Progress = silent) -> Plan:
     """Read what is to be checked: a capture with or without its photographs, or a scene.
 
     Args:
@@ -86,9 +81,9 @@ def load_plan(
         InputError: anything about the files that cannot be used; only some of the photographs exist.
     """
     path = Path(path)
-    scene = (path / "scene.toml").is_file() and not (path / "capture.toml").is_file()
-    file = capture_file(path, "scene.toml" if scene else "capture.toml")
-    if scene or _has_material(file):
+    is_scene = (path / "scene.toml").is_file() and not (path / "capture.toml").is_file()
+    file = capture_file(path, "scene.toml" if is_scene else "capture.toml")
+    if is_scene or _has_material(file):
         simulated = describe(file, schema.SceneFile)
         material = material_of(simulated.tables.material, str(file))
         return _planned(simulated, scene_format(simulated, material), transfer, material)
@@ -96,13 +91,13 @@ def load_plan(
     files = [table.file for table in description.tables.image]
     if any(name and (description.folder / name).is_file() for name in files):
         return Plan.of(load_capture(file, transfer=transfer, progress=progress))
-    dtype = np.dtype(_KINDS.get(Path(files[0] or "").suffix.lower(), np.uint16))
+    dtype = np.dtype(_PIXEL_TYPES.get(Path(files[0] or "").suffix.lower(), np.uint16))
     images = ImageFormat(image_shape(description), image_channels(description), dtype)
     return _planned(description, images, transfer, None)
 
 
-def photographed(photographs: Photographs, material: Brdf) -> Photographs:
-    """Photographs of `material` as the same camera would take them without noise."""
+def photographs_of(material: Brdf, photographs: Photographs) -> Photographs:
+    """Photographs without noise of another material, in the place of some photographs."""
     encoding, dtype = photographs.encoding, photographs.stored[0].dtype
     bits = 8 * dtype.itemsize if dtype.kind == "u" else None
     stored = []
@@ -114,11 +109,11 @@ def photographed(photographs: Photographs, material: Brdf) -> Photographs:
     return replace(photographs, stored=tuple(stored))
 
 
-def exposed(photographs: Photographs, material: Brdf) -> Photographs:
-    """The same with full scale chosen so that the brightest pixel of `material` lies at 90 % of it."""
+def with_full_scale_for(material: Brdf, photographs: Photographs) -> Photographs:
+    """The photographs with full scale such that the brightest pixel of a material lies at 90 % of it."""
     scene, encoding = photographs.scene, photographs.encoding
     peak = max(float(_radiance(scene, k, material).max()) * e for k, e in enumerate(photographs.exposures))
-    scale = peak / (_EXPOSED - float(np.max(encoding.black)))
+    scale = peak / (_BRIGHTEST - float(np.max(encoding.black)))
     return replace(photographs, encoding=replace(encoding, scale=scale)) if scale > 0 else photographs
 
 
@@ -135,17 +130,16 @@ def _planned(
     table = description.tables.encoding
     setup = realise(description, images, transfer=transfer or table.transfer or "linear")
     pixels = np.zeros((len(setup.scene.surface), images.channels), images.dtype)
-    stated = setup.noise if setup.noise is not None and setup.noise != Noise(0.0, 0.0) else None
-    noise = stated or TYPICAL
+    stated_noise = setup.noise if setup.noise is not None and setup.noise != Noise(0.0, 0.0) else None
+    noise = stated_noise or TYPICAL
     photographs = setup.photographs((pixels,) * len(setup.exposures), noise)
-    known = table.scale is not None or images.dtype.kind == "f"
-    plan = Plan(description.name, photographs, material, known).with_noise(noise.read, noise.gain)
-    source = "as the file states it" if stated else "that of a typical camera, as none is stated"
-    return replace(plan, noise_source=source)
+    exposed = table.scale is not None or images.dtype.kind == "f"
+    source = "as the file states it" if stated_noise else "that of a typical camera, as none is stated"
+    return Plan(description.name, photographs, material, exposed).with_noise(noise.read, noise.gain, source)
 
 
 def _has_material(file: Path) -> bool:
-    """Whether a file is a scene; one that is no TOML is left to the reader of captures to refuse."""
+    """Whether a file is a scene; the reader of captures refuses a file that is no TOML."""
     try:
         return "material" in tomllib.loads(file.read_text("utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):

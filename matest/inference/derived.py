@@ -1,4 +1,4 @@
-"""Derived quantities: functions of several parameters, which stand for parameters that only show in them."""
+"""Derived quantities: functions of several parameters, some of which have no effect but through them."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from matest.estimators.covariance import error_of, quantile95
 from matest.inference.error_bars import ErrorBars
 from matest.inference.expansion import Expansion
 from matest.inference.quantities import ParameterEstimate
+from matest.inference.statuses import Verdict
 
 # Relative standard error above which a derived quantity is not determined: the same as for parameters over decades.
 _LARGEST_RELATIVE_ERROR = 0.5
@@ -24,70 +25,51 @@ def with_derived(
 ) -> dict[str, ParameterEstimate]:
     """The estimates and the derived quantities of the model; parameters that only show in these are not determined."""
     problem, out = expansion.problem, dict(estimates)
-    derived = {label: _derived(expansion, bars, label, estimates) for label in problem.brdf.derived}
     for names in problem.brdf.structure.derived.values():
         if {*names} & {*problem.arbitrary} and {*names} & {*problem.where}:
             for name in names:
                 out[name] = replace(out[name], value=None, std=None, interval95=None, status="not determined")
-    return out | derived
+    for label, quantity in problem.brdf.derived.items():
+        verdict = _verdict(expansion, bars, label, estimates)
+        out[label] = ParameterEstimate(
+            verdict.value, verdict.std, verdict.interval, quantity.unit, verdict.status, quantity.doc
+        )
+    return out
 
 
-def _derived(
-    expansion: Expansion, bars: ErrorBars, label: str, estimates: Mapping[str, ParameterEstimate]
-) -> ParameterEstimate:
-    """The estimate of a derived quantity."""
-    problem = expansion.problem
-    names = problem.brdf.structure.derived[label]
-    free = {source for name in names if (source := problem.ties.get(name, name)) in problem.where}
-    if not free:
-        quantity = problem.brdf.derived[label]
-        value = float(quantity.value({name: expansion.values[name] for name in names}))
-        return ParameterEstimate(value, None, None, quantity.unit, "fixed", quantity.doc)
-    if len(free) == 1:
-        return _of_one_unknown(expansion, label, estimates, *free)
-    return _of_several_unknowns(expansion, bars, label)
-
-
-def _of_one_unknown(
-    expansion: Expansion, label: str, estimates: Mapping[str, ParameterEstimate], unknown: str
-) -> ParameterEstimate:
-    """A derived quantity that depends on one unknown: it maps the ends of that one's interval."""
-    problem = expansion.problem
-    quantity, names = problem.brdf.derived[label], problem.brdf.structure.derived[label]
-    values = {name: expansion.values[name] for name in names}
-    moving = [name for name in names if problem.ties.get(name, name) == unknown]
-    estimate = estimates[moving[0]]
-    if estimate.value is None:
-        return ParameterEstimate(None, None, None, quantity.unit, estimate.status, quantity.doc)
-    slopes = quantity.slopes(values)
-    slope = abs(sum(slopes[name] for name in moving))
-    std = None if estimate.std is None else slope * float(estimate.std)  # type: ignore[arg-type]
-    at_ends = [
-        values | {name: torch.tensor(end, dtype=torch.float64) for name in moving} for end in estimate.interval95
-    ]
-    interval = sorted(float(quantity.value(at_end)) for at_end in at_ends)
-    value = float(quantity.value(values))
-    return ParameterEstimate(value, std, interval, quantity.unit, estimate.status, quantity.doc)
-
-
-def _of_several_unknowns(expansion: Expansion, bars: ErrorBars, label: str) -> ParameterEstimate:
-    """A derived quantity that depends on several unknowns, with its error bar by the delta method."""
+def _verdict(expansion: Expansion, bars: ErrorBars, label: str, estimates: Mapping[str, ParameterEstimate]) -> Verdict:
+    """The value of a derived quantity; `estimates` are those of the parameters."""
     problem = expansion.problem
     quantity, names = problem.brdf.derived[label], problem.brdf.structure.derived[label]
     values = {name: expansion.values[name] for name in names}
     value, slopes = float(quantity.value(values)), quantity.slopes(values)
+    sources = {name: source for name in names if (source := problem.ties.get(name, name)) in problem.where}
+    if not sources:
+        return Verdict(value, None, None, "fixed")
+    if len({*sources.values()}) == 1:
+        # The quantity maps the ends of the unknown's interval.
+        estimate = estimates[next(iter(sources))]
+        if estimate.value is None:
+            return Verdict(None, None, None, estimate.status)
+        slope = abs(sum(slopes[name] for name in sources))
+        std = slope * estimate.std if isinstance(estimate.std, float) else None
+        ends = [torch.tensor(end, dtype=torch.float64) for end in estimate.interval95]
+        interval = sorted(float(quantity.value(values | dict.fromkeys(sources, end))) for end in ends)
+        return Verdict(value, std, interval, estimate.status)
     relative_slopes = torch.zeros(problem.size, dtype=torch.float64)
-    for name in names:
-        source = problem.ties.get(name, name)
-        if source in problem.where:
-            relative_slopes[problem.where[source].start] += slopes[name] / value
+    for name, source in sources.items():
+        relative_slopes[problem.where[source].start] += slopes[name] / value
+    return _by_delta_method(expansion, bars, value, relative_slopes)
+
+
+def _by_delta_method(expansion: Expansion, bars: ErrorBars, value: float, relative_slopes: Tensor) -> Verdict:
+    """The verdict on a derived quantity, by its relative derivatives by the unknowns [P]."""
     error = error_of(expansion.precision, relative_slopes)
     if error is None or error > _LARGEST_RELATIVE_ERROR:
-        return ParameterEstimate(None, None, None, quantity.unit, "not determined", quantity.doc)
+        return Verdict(None, None, None, "not determined")
     std = abs(value) * error * bars.largest_widening
     reach = quantile95(bars.covariance.degrees) * std
-    interval = [max(value - reach, 0.0), value + reach]
-    return ParameterEstimate(value, std, interval, quantity.unit, "determined", quantity.doc)
+    return Verdict(value, std, [max(value - reach, 0.0), value + reach], "determined")
 
 
 def reported_labels(problem: Problem) -> list[str]:
@@ -117,6 +99,6 @@ def reported_name(problem: Problem, name: str) -> str:
     return name if quantity is None else quantity.name
 
 
-def known_by_derived(problem: Problem, name: str) -> bool:
-    """Whether a parameter only has an effect through a quantity derived from it and others."""
+def shows_only_in_derived(problem: Problem, name: str) -> bool:
+    """Whether a parameter has an effect only through a quantity derived from it and others."""
     return name in problem.arbitrary or problem.quantity(name) is not None

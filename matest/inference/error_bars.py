@@ -15,19 +15,19 @@ from matest.estimators.covariance import Covariance, correlation_of_residuals, f
 from matest.inference.expansion import Expansion
 from matest.samples import Samples
 
-# χ² per degree of freedom above which the model does not hold, where the noise is stated and so known exactly.
+# χ² per degree of freedom above which the model does not hold, where the noise is stated and so exact.
 _MAX_CHI2_STATED_NOISE = 1.03
-# The same where the noise is estimated from the samples, which gives it to some per cent.
+# The same where the noise is estimated from the samples, which is right to some per cent.
 _MAX_CHI2_ESTIMATED_NOISE = 1.10
 # Standard deviations of χ² per value by which chance may raise it above these limits.
 _CHI2_BY_CHANCE = 5.0
 # Residuals are correlated if the scores of groups scatter this many times as much as those of independent residuals.
 _MAX_CORRELATION = 2.0
-# Standard deviations of that ratio that chance may add: with few unknowns in few groups it varies much.
+# Standard deviations of that ratio by which chance may raise it: with few unknowns in few groups it varies much.
 _CORRELATION_BY_CHANCE = 5.0
-# The data hold an unknown at an end of its domain if they push it outward by this many standard errors.
+# Standard errors by which the data push an unknown outward. Those that push less do not hold it at its bound.
 _MIN_PUSH = 0.1
-# With fewer images the jackknife leaves out blocks of pixels instead; with fewer blocks there is no jackknife.
+# Images that a jackknife needs; with fewer it leaves out blocks of pixels, of which it needs as many.
 _MIN_CLUSTERS = 4
 
 
@@ -37,7 +37,7 @@ class ErrorBars:
 
     Attributes:
         covariance: of the unknowns that are not at a bound.
-        open: of all unknowns: how far inside the domain the truth of one at a bound may lie.
+        open: of all unknowns, also those at a bound: the truth of these may lie so far inside the domain.
         bound: whether the data hold an unknown at a bound [P].
         widening: width of the error bars relative to those by the Fisher information [P].
         chi2: per degree of freedom.
@@ -72,7 +72,7 @@ def error_bars(solution: Solution, samples: Samples) -> ErrorBars:
     """The error bars of a solution."""
     problem, statistics, expansion = solution.problem, solution.statistics, Expansion.of(solution)
     push = expansion.gradient.abs() / expansion.information.diagonal().clamp(min=1e-300).sqrt()
-    # A valley that ends at a bound does not push: the samples do not determine what lies along it.
+    # Along a valley that ends at a bound the samples determine nothing: they do not push outward there.
     bound = at_bound(problem, solution.unknowns, statistics.gradient) & (push > _MIN_PUSH)
     free = ~bound | expansion.gauges
     chi2 = statistics.total("chi2") / max(statistics.total("values") - int((~bound).sum()), 1)
@@ -90,16 +90,7 @@ def error_bars(solution: Solution, samples: Samples) -> ErrorBars:
         covariance = _jackknife(expansion, clusters, free, inside=True)
         unbounded = _jackknife(expansion, clusters, torch.ones_like(bound), inside=False)
         widening = _widening(expansion, clusters, unbounded)
-    return ErrorBars(
-        covariance=covariance,
-        open=unbounded,
-        bound=bound,
-        widening=widening,
-        chi2=chi2,
-        correlation=correlation,
-        holds=holds,
-        kind=kind,
-    )
+    return ErrorBars(covariance, unbounded, bound, widening, chi2, correlation, holds, kind)
 
 
 def _max_chi2(statistics: Statistics, samples: Samples) -> float:
@@ -111,8 +102,8 @@ def _max_chi2(statistics: Statistics, samples: Samples) -> float:
 def _jackknife(expansion: Expansion, clusters: Statistics, free: Tensor, *, inside: bool) -> Covariance:
     """Covariance from leaving out one cluster at a time.
 
-    The clusters scatter the other unknowns at given gauges; the uncertainty of the gauges adds to that, as far as the
-    others move with them.
+    It is the scatter of the other unknowns at given gauges, and the uncertainty of the gauges times how far the others
+    move with them.
 
     Args:
         expansion: of χ².
@@ -122,7 +113,7 @@ def _jackknife(expansion: Expansion, clusters: Statistics, free: Tensor, *, insi
     """
     gauges = expansion.gauges & free
     others = free & ~gauges
-    scatter = jackknife(clusters, others, _step_inside(expansion, gauges) if inside else partial(_step, among=others))
+    scatter = jackknife(clusters, others, _step_inside(expansion, gauges) if inside else partial(_step, free=others))
     if not bool(gauges.any()):
         return scatter
     uncertainty = _uncertainty_of_gauges(expansion, clusters, free, gauges)
@@ -141,14 +132,14 @@ def _step_inside(expansion: Expansion, gauges: Tensor) -> Callable[[Tensor, Tens
     return partial(bounded_step, at_gauges, expansion.unknowns)
 
 
-def _step(information: Tensor, gradient: Tensor, among: Tensor) -> Tensor:
-    """The step of the unknowns `among` to the minimum of χ², in their domains or not."""
-    return fisher(information, among).matrix @ gradient
+def _step(information: Tensor, gradient: Tensor, free: Tensor) -> Tensor:
+    """The step of free unknowns to the minimum of χ², in their domains or not."""
+    return fisher(information, free).matrix @ gradient
 
 
 def _uncertainty_of_gauges(expansion: Expansion, clusters: Statistics, free: Tensor, gauges: Tensor) -> Covariance:
-    """Covariance of the gauges, from what clusters and domains say of them."""
-    scatter = jackknife(clusters, free, partial(_step, among=free)).matrix[gauges][:, gauges]
+    """Covariance of the gauges, from the scatter of the clusters and from the domains."""
+    scatter = jackknife(clusters, free, partial(_step, free=free)).matrix[gauges][:, gauges]
     everything = torch.ones(len(scatter), dtype=torch.bool)
     precision = fisher(scatter, everything).matrix + torch.diag(expansion.prior[gauges])
     return fisher(precision, everything)
@@ -157,11 +148,11 @@ def _uncertainty_of_gauges(expansion: Expansion, clusters: Statistics, free: Ten
 def _widening(expansion: Expansion, clusters: Statistics, unbounded: Covariance) -> Tensor:
     """How many times as wide as by the information alone error bars are [P].
 
-    By the samples alone, as profiles of χ² are: the domain of a gauge would hide how little they are to be trusted.
-    Where they alone do not determine an unknown, its domain has to help.
+    Both are taken by the samples alone, as profiles of χ² are: the domain of a gauge in both would hide a misfit.
+    Where the samples alone do not determine an unknown, its domain is included.
     """
     everything = torch.ones(expansion.problem.size, dtype=torch.bool)
-    scatter = jackknife(clusters, everything, partial(_step, among=everything))
+    scatter = jackknife(clusters, everything, partial(_step, free=everything))
     by_samples = (scatter.std / fisher(expansion.information, everything).std).nan_to_num(1.0, posinf=1.0)
     return torch.maximum(by_samples, (unbounded.std / expansion.covariance.std).nan_to_num(1.0, posinf=1.0))
 
@@ -169,13 +160,5 @@ def _widening(expansion: Expansion, clusters: Statistics, unbounded: Covariance)
 def expected_error_bars(expansion: Expansion) -> ErrorBars:
     """The error bars of future samples, if the model holds and no unknown lies at a bound."""
     size, covariance = expansion.problem.size, expansion.covariance
-    return ErrorBars(
-        covariance=covariance,
-        open=covariance,
-        bound=torch.zeros(size, dtype=torch.bool),
-        widening=torch.ones(size, dtype=torch.float64),
-        chi2=1.0,
-        correlation=1.0,
-        holds=True,
-        kind="fisher",
-    )
+    nowhere, widening = torch.zeros(size, dtype=torch.bool), torch.ones(size, dtype=torch.float64)
+    return ErrorBars(covariance, covariance, nowhere, widening, chi2=1.0, correlation=1.0, holds=True, kind="fisher")

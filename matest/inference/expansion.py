@@ -18,11 +18,11 @@ class Expansion:
 
     Residuals larger than the noise make information and gradient smaller.
 
-    A gauge stands for the unknown scale of the light. Its bounded domain serves as its prior: a gauge without effect
-    then does not widen the error bars of the other unknowns, and its distance from an end of the domain matters little.
+    A gauge stands for the unknown scale of the light. Its bounded domain serves as its prior, so that a gauge without
+    effect does not widen the error bars of the other unknowns.
 
     Attributes:
-        problem: what the unknowns are.
+        problem: names the unknowns.
         unknowns: u [P].
         information: JᵀWJ [P, P].
         gradient: JᵀWr [P].

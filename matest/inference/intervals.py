@@ -18,8 +18,8 @@ from matest.inference.valleys import Around, Valleys
 
 # Standard errors within which a bound is near enough to cut an interval.
 _NEAR_BOUND = 3.0
-# A valley bends if the profile of another unknown moves an unknown this many times the 95 % reach of its error bar.
-_STRAY = 1.2
+# Multiple of the 95 % reach of an error bar. A valley bends if the profile of another unknown moves an unknown further.
+_STRAY_REACH = 1.2
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ def profile_intervals(
 ) -> Intervals:
     """Intervals by the profile of the likelihood near a bound and along a bent valley.
 
-    A symmetric interval is wrong there: a bound cuts the likelihood, and often it is far from quadratic.
+    A symmetric interval is wrong there: a bound cuts the likelihood, which often is far from quadratic.
 
     Args:
         expansion, bars, lobes: the likelihood to second order.
@@ -54,11 +54,11 @@ def profile_intervals(
         not_determined: positions of unknowns that are not determined to first order.
     """
     problem = expansion.problem
-    # Few clusters of the jackknife widen intervals by this much.
+    # Intervals are wider where the jackknife has few clusters.
     quantile = quantile95(bars.covariance.degrees)
     small_sample = quantile / quantile95(math.inf)
     ends: dict[int, tuple[float, float]] = {}
-    visited = [expansion.unknowns]
+    region = [expansion.unknowns]
     for position in range(problem.size):
         if position in not_determined and (position not in valleys.bent or position in valleys.locked):
             continue
@@ -68,11 +68,11 @@ def profile_intervals(
             profile = Profile(around(), position, wider * small_sample, position in valleys.flat)
             low, high, inside = profile.interval(spread)
             ends[position] = (low, high)
-            visited += inside
+            region += inside
     reach = quantile * bars.open.std
-    strays = _strays(expansion, reach, visited) - {*ends}
+    strays = _strays(expansion, reach, region) - {*ends}
     ends |= {position: _symmetric(expansion, position, float(reach[position])) for position in strays}
-    ends = _covering(ends, visited)
+    ends = _covering(ends, region)
     return Intervals(_from_zero(expansion, lobes, ends), valleys.bent | strays)
 
 
@@ -96,9 +96,9 @@ def _symmetric(expansion: Expansion, position: int, reach: float) -> tuple[float
     return max(value - reach, lower), min(value + reach, upper)
 
 
-def _covering(ends: Mapping[int, tuple[float, float]], visited: Sequence[Tensor]) -> dict[int, tuple[float, float]]:
+def _covering(ends: Mapping[int, tuple[float, float]], region: Sequence[Tensor]) -> dict[int, tuple[float, float]]:
     """Intervals widened to all values inside the 95 % region that some profile visited."""
-    lowest, highest = torch.stack([*visited]).aminmax(dim=0)
+    lowest, highest = torch.stack([*region]).aminmax(dim=0)
     return {
         position: (min(low, float(lowest[position])), max(high, float(highest[position])))
         for position, (low, high) in ends.items()
@@ -108,9 +108,9 @@ def _covering(ends: Mapping[int, tuple[float, float]], visited: Sequence[Tensor]
 def _from_zero(
     expansion: Expansion, lobes: LobesNotSeen, ends: Mapping[int, tuple[float, float]]
 ) -> dict[int, tuple[float, float]]:
-    """The intervals, those of amplitudes of lobes that are not seen beginning at zero.
+    """The intervals, where those of amplitudes of lobes that are not seen begin at zero.
 
-    The search chose the width that fits the noise best, which makes these amplitudes look larger.
+    The search chose the lobe width that fits the noise best, which makes these amplitudes too large.
     """
     problem = expansion.problem
     amplitudes = {
@@ -122,11 +122,11 @@ def _from_zero(
     }
 
 
-def _strays(expansion: Expansion, reach: Tensor, visited: Sequence[Tensor]) -> set[int]:
-    """Positions of unknowns that profiles of others moved far beyond their own error bars.
+def _strays(expansion: Expansion, reach: Tensor, region: Sequence[Tensor]) -> set[int]:
+    """Positions of unknowns that the profiles of others moved far beyond their error bars.
 
-    They have no profile of their own, or one that stays on its side of a valley.
+    Such an unknown has no profile itself, or one that stays on its side of a valley.
     """
-    lowest, highest = torch.stack([*visited]).aminmax(dim=0)
-    further = (highest - expansion.unknowns > _STRAY * reach) | (expansion.unknowns - lowest > _STRAY * reach)
-    return {*(further & (reach > 0)).nonzero()[:, 0].tolist()}
+    lowest, highest = torch.stack([*region]).aminmax(dim=0)
+    distance = torch.maximum(highest - expansion.unknowns, expansion.unknowns - lowest)
+    return {*((distance > _STRAY_REACH * reach) & (reach > 0)).nonzero()[:, 0].tolist()}

@@ -11,8 +11,8 @@ from matest.estimators.covariance import fisher
 from matest.inference.error_bars import ErrorBars
 from matest.inference.expansion import Expansion
 
-# Standard errors by which the amplitude of a visible lobe exceeds zero: where a search chooses the width, and with
-# several channels, noise alone often reaches two or three.
+# Standard errors by which the amplitude of a visible lobe exceeds zero. Noise alone often reaches two or three, because
+# a search chooses the width and there are several channels.
 _VISIBLE_AMPLITUDE = 4.0
 
 

@@ -6,8 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
-from torch import Tensor
-
 from matest.estimators import Problem, Solution
 from matest.inference.derived import reported_correlation, reported_labels, reported_name, with_derived
 from matest.inference.error_bars import ErrorBars, error_bars, expected_error_bars
@@ -28,11 +26,9 @@ class Posterior:
 
     Attributes:
         problem: names what was estimated.
-        unknowns: the optimum u [P].
         bars: covariance, χ², whether the model holds, and the kind of error bars.
         lobes: lobes that are not seen.
         valleys: unknowns, by position, for which the covariance is wrong.
-        intervals: by the profile of the likelihood, by position.
         estimates: of every parameter and derived quantity, by name.
         labels: names of the rows of `correlation`.
         correlation: of the estimates, [P][P].
@@ -41,11 +37,9 @@ class Posterior:
     """
 
     problem: Problem
-    unknowns: Tensor
     bars: ErrorBars
     lobes: LobesNotSeen
     valleys: Valleys
-    intervals: Intervals
     estimates: Mapping[str, ParameterEstimate]
     labels: Sequence[str]
     correlation: Sequence[Sequence[float]]
@@ -95,11 +89,9 @@ def _posterior(
     verdicts = verdicts_on(expansion, bars, lobes, valleys, intervals)
     return Posterior(
         problem=expansion.problem,
-        unknowns=expansion.unknowns,
         bars=bars,
         lobes=lobes,
         valleys=valleys,
-        intervals=intervals,
         estimates=with_derived(expansion, bars, _estimates(expansion, verdicts)),
         labels=reported_labels(expansion.problem),
         correlation=reported_correlation(expansion, bars),

@@ -17,24 +17,24 @@ from matest.samples import Tiles
 TWO_SIDED = 3.841458820694124
 # The same at a bound that no estimate can pass: the 90 % quantile.
 _ONE_SIDED = 2.705543454095414
-# Passes to refit the other unknowns: along a bent valley they have far to go.
+# Passes of one refit of the other unknowns: along a bent valley they move far.
 _REFIT_PASSES = 12
-# Standard errors; a refit ends when its steps are shorter: the ends of an interval need no more.
+# Standard errors. A refit ends when its steps are shorter, which is exact enough for the ends of an interval.
 _REFIT_TOLERANCE = 0.2
-# Values tried for one end of an interval.
+# Values tried for one end of an interval, each of which costs a refit.
 _MAX_TRIALS = 16
-# The trials end within this share of the wanted rise of χ²: the end is then right to a twentieth where χ² is quadratic.
+# Share of the wanted rise of χ² within which the trials end: where χ² is quadratic, the end is right to a twentieth.
 _RISE_TOLERANCE = 0.1
-# Exponents p between which χ² ∝ distanceᵖ is believed.
+# Range of the exponent p in χ² ∝ distanceᵖ; slopes that give another one are wrong.
 _MIN_POWER = 1.0
 _MAX_POWER = 8.0
 # Largest factor by which one trial moves the end away from the optimum, or back.
 _MAX_STRIDE = 5.0
-# χ² can rise steeply beyond a bend: keep trials at least this fraction of the bracket away from its ends.
+# Fraction of the bracket that trials keep away from its ends, because χ² can rise steeply beyond a bend.
 _BRACKET_MARGIN = 0.25
-# The trials end when that margin is this fraction of the distance to the optimum.
+# Fraction of the distance to the optimum. The trials end when that margin is smaller.
 _NARROW_MARGIN = 0.08
-# A bound further away than this multiple of the guessed half-width does not cut an interval.
+# Multiple of the guessed half-width. A bound further away does not cut an interval.
 _FAR_BOUND = 2.0
 
 
@@ -70,13 +70,16 @@ class Surroundings:
     share: float = 1.0
 
     def at(self, position: int, value: float, near: Solution | None = None) -> Rise:
-        """Refit all unknowns but one, beginning at the refit `near`; None: at the optimum. Costs allow for misfit."""
+        """Refit all unknowns but one, beginning at the refit `near`; None: at the optimum.
+
+        Costs are in units of the variance of the residuals.
+        """
         near = near or self.best
         pinned = replace(near.problem, pinned={position: value})
         information, gradient = near.statistics.information, near.statistics.gradient
         start = near.unknowns.clone()
         start[position] = value
-        # Begin where the quadratic model expects the others.
+        # Begin where the quadratic model has the optimum of the others.
         start = start + bounded_step(pinned, start, information, gradient - information @ (start - near.unknowns))
         refit = minimise(pinned, start, self.evaluate, passes=_REFIT_PASSES, tolerance=_REFIT_TOLERANCE)
         unit = self.best.statistics.inflation * self.share
@@ -130,29 +133,29 @@ class Profile:
         near_bound, far_bound = sorted(domain, key=lambda bound: abs(bound - optimum))
         inward = 1.0 if far_bound > near_bound else -1.0
         inner, outer = optimum + inward * spread, optimum - inward * spread
-        inside: list[Tensor] = []
+        region: list[Tensor] = []
         if abs(optimum - near_bound) < 1e-6 * spread:
-            near, far = near_bound, self._end(inner, far_bound, None, inside)
+            near, far = near_bound, self._end(inner, far_bound, None, region)
         elif abs(optimum - near_bound) > _FAR_BOUND * spread:
-            near = self._end(outer, near_bound, TWO_SIDED, inside)
-            far = self._end(inner, far_bound, TWO_SIDED, inside)
+            near = self._end(outer, near_bound, TWO_SIDED, region)
+            far = self._end(inner, far_bound, TWO_SIDED, region)
         else:
             at_bound = self.at(near_bound)
             distance = math.sqrt(max(at_bound.cost, 0.0))
-            near, far = near_bound, self._end(inner, far_bound, TWO_SIDED, inside)
+            near, far = near_bound, self._end(inner, far_bound, TWO_SIDED, region)
             if at_bound.cost > _ONE_SIDED:
                 outer = inward * max(inward * outer, inward * near_bound)
-                near = self._end(outer, near_bound, lower_threshold(distance), inside)
-        return min(near, far), max(near, far), inside
+                near = self._end(outer, near_bound, lower_threshold(distance), region)
+        return min(near, far), max(near, far), region
 
-    def _end(self, guess: float, limit: float, threshold: float | None, visited: list[Tensor]) -> float:
+    def _end(self, guess: float, limit: float, threshold: float | None, region: list[Tensor]) -> float:
         """The end of an interval: the value between optimum and limit at which χ² has risen by a threshold.
 
         Args:
             guess: of the end.
             limit: the bound on that side.
             threshold: rise of χ²; None: that of an estimate at its bound, which follows from the profile.
-            visited: takes the refits at values inside the interval.
+            region: takes the refitted unknowns at values inside the interval.
         """
         start = float(self.around.best.unknowns[self.position])
         low, high = min(start, limit), max(start, limit)
@@ -166,7 +169,7 @@ class Profile:
                 outside = value
             else:
                 inside, near = value, rise.refit
-                visited.append(near.unknowns)
+                region.append(near.unknowns)
                 if value == limit:
                     return limit
             factor = _stride(rise.cost, gain, target)
@@ -211,7 +214,7 @@ def _lowest_cost(solution: Solution) -> float:
 
 
 def lower_threshold(estimate: float) -> float:
-    """Rise of χ² at the lower end of a 95 % interval, for an estimate so many standard errors above its bound."""
+    """Rise of χ² at the lower end of a 95 % interval, for an estimate `estimate` standard errors above its bound."""
     end = _root(lambda truth: (estimate - truth) ** 2 - threshold(truth), estimate, 0.0)
     return (estimate - end) ** 2
 

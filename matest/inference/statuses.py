@@ -1,4 +1,4 @@
-"""The verdict on each unknown, from error bars, valleys and intervals: determined, at bound or not determined."""
+"""The verdict on every unknown, from error bars, valleys and intervals: determined, at bound or not determined."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from matest.inference.lobes import LobesNotSeen
 from matest.inference.quantities import ParameterEstimate
 from matest.inference.valleys import Valleys
 
-# Standard deviation of a value drawn evenly from a domain, as a share of its width: no knowledge at all.
+# Standard deviation of an even distribution over a domain, as a share of its width: samples that say nothing.
 _STD_OF_EVEN = 1 / math.sqrt(12)
 # Share of the domain that the interval of a value near a bound covers if the samples say nothing of it.
 _WHOLE_DOMAIN = 0.95
-# Relative standard error above which parameters that range over decades, and those along a bent valley, are not known.
+# Relative standard error above which parameters that range over decades, or along a bent valley, are not determined.
 _LARGEST_RELATIVE_STD = 0.5
-# Information that is a smaller share of what a domain says is rounding.
+# Share of the information of the domain. A smaller difference from it is rounding.
 _ROUNDING = 1e-9
 
 
@@ -57,18 +57,6 @@ class Unknown:
     lobe_not_seen: bool
 
 
-def _flat(unknown: Unknown) -> bool:
-    return unknown.flat
-
-
-def _in_a_combination(unknown: Unknown) -> bool:
-    return unknown.undetermined or unknown.locked
-
-
-def _of_a_lobe_not_seen(unknown: Unknown) -> bool:
-    return unknown.lobe_not_seen
-
-
 def _no_better_than_its_domain(unknown: Unknown) -> bool:
     return unknown.std > unknown.largest_std and not unknown.at_end
 
@@ -78,18 +66,14 @@ def _over_the_whole_domain(unknown: Unknown) -> bool:
     return unknown.near_end and math.isfinite(unknown.width) and high - low > _WHOLE_DOMAIN * unknown.width
 
 
-def _at_end(unknown: Unknown) -> bool:
-    return unknown.at_end
-
-
 # The first rule that holds gives the status of an unknown; if no rule holds, it is determined.
 RULES: tuple[tuple[Callable[[Unknown], bool], str], ...] = (
-    (_flat, "at bound"),
-    (_in_a_combination, "not determined"),
-    (_of_a_lobe_not_seen, "not determined"),
+    (lambda unknown: unknown.flat, "at bound"),
+    (lambda unknown: unknown.undetermined or unknown.locked, "not determined"),
+    (lambda unknown: unknown.lobe_not_seen, "not determined"),
     (_no_better_than_its_domain, "not determined"),
     (_over_the_whole_domain, "not determined"),
-    (_at_end, "at bound"),
+    (lambda unknown: unknown.at_end, "at bound"),
 )
 
 
@@ -127,21 +111,22 @@ def verdicts_on(
     """The verdict on every unknown [P]."""
     problem = expansion.problem
     return [
-        Verdict.of(_unknown(expansion, bars, lobes, valleys, intervals, name, position))
+        Verdict.of(_unknown(name, position, expansion, bars, lobes, valleys, intervals))
         for name, place in problem.where.items()
         for position in range(place.start, place.stop)
     ]
 
 
 def _unknown(
+    name: str,
+    position: int,
     expansion: Expansion,
     bars: ErrorBars,
     lobes: LobesNotSeen,
     valleys: Valleys,
     intervals: Intervals,
-    name: str,
-    position: int,
 ) -> Unknown:
+    """What the rules ask of an unknown, by its parameter and its position in u."""
     domain = expansion.problem.domain(name)
     value = float(expansion.unknowns[position])
     flat = position in valleys.flat
@@ -186,7 +171,7 @@ def _largest_std(expansion: Expansion, name: str, position: int) -> float:
 
 
 def _by_the_samples(std: float, prior: float) -> float:
-    """A standard error without what the domain of the unknown says of it: that is no knowledge of the samples."""
+    """A standard error by the samples alone, without the precision that the domain of the unknown adds."""
     if prior == 0:
         return std
     information = std**-2 - prior
@@ -199,11 +184,5 @@ def combined(channels: Sequence[Verdict], unit: str, doc: str) -> ParameterEstim
     status = next(state for state in ("not determined", "at bound", "determined") if state in states)
     if len(channels) == 1:
         return ParameterEstimate(channels[0].value, channels[0].std, channels[0].interval, unit, status, doc)
-    return ParameterEstimate(
-        value=[verdict.value for verdict in channels],
-        std=[verdict.std for verdict in channels],
-        interval95=[verdict.interval for verdict in channels],
-        unit=unit,
-        status=status,
-        doc=doc,
-    )
+    values, stds = [verdict.value for verdict in channels], [verdict.std for verdict in channels]
+    return ParameterEstimate(values, stds, [verdict.interval for verdict in channels], unit, status, doc)

@@ -17,13 +17,13 @@ from matest.inference.profiles import TWO_SIDED, Surroundings
 
 # Values tried for an unknown without effect, as shares of the way to the far end of its domain: near, middle, far.
 _TRIAL_SHARES = (0.05, 0.15, 0.45)
-# Standard errors by which an unknown moves along while χ² stays within its 95 % range, for its error bar to be wrong.
+# Standard errors that an unknown may move with another one inside the 95 % range of χ²: beyond, its error bar is wrong.
 _LOCKED_SHIFT = 3.0
 # A valley bends if χ² at the ends of its 95 % range differs from the quadratic model by this factor.
 _BENT_FACTOR = 2.0
-# Such an end is ignored if the domain leaves less than this share of the way to it.
+# Share of the way to such an end that the domain leaves. With less, the valley does not count as bent there.
 _MIN_ROOM = 0.25
-# χ² is tried along an unknown too if its standard error exceeds this share of its domain.
+# Share of its domain. Along an unknown with a larger standard error χ² is tried too.
 _WIDE_ERROR = 0.05
 # Share of its domain within which a parameter is near its lower bound.
 _NEAR_BOUND = 0.02
@@ -50,17 +50,14 @@ class Valleys:
 def valleys_about(solution: Solution, bars: ErrorBars, lobes: LobesNotSeen, around: Around) -> Valleys:
     """The valleys about a solution; `around` gives the likelihood about it."""
     expansion, flat = Expansion.of(solution), flat_at_bound(solution)
-    return Valleys(
-        flat=flat,
-        bent=bent_valleys(expansion, around),
-        locked=locked_unknowns(expansion, bars, lobes, around, flat),
-    )
+    locked = locked_unknowns(expansion, bars, lobes, around, flat)
+    return Valleys(flat, bent_valleys(expansion, around), locked)
 
 
 def flat_at_bound(solution: Solution) -> dict[int, float]:
     """95 % reach inside the domain of unknowns near a lower bound where the model does not change to first order.
 
-    Oren-Nayar depends on σ²: at σ = 0 the information on σ is zero although σ² is well known. Information on s = σ² is
+    Oren-Nayar depends on σ²: at σ = 0 the information on σ is zero although that on σ² is not. Information on s = σ² is
     that on σ at a small ε divided by 4ε², so that σ < √(1.96 std(s)) with std(s) = 2ε std(σ at ε).
     """
     problem = solution.problem
@@ -70,10 +67,10 @@ def flat_at_bound(solution: Solution) -> dict[int, float]:
         epsilon = _NEAR_BOUND * domain.width
         if declared.log or declared.periodic or float(solution.unknowns[place].max()) > epsilon:
             continue
-        moved = solution.unknowns.clone()
-        moved[place] = domain.lower + epsilon
-        statistics = accumulate(problem, moved, solution.tiles, solution.unknowns, solution.residual_scale)
-        covariance = Expansion.about(problem, moved, statistics, solution.statistics.inflation).covariance
+        inside = solution.unknowns.clone()
+        inside[place] = domain.lower + epsilon
+        statistics = accumulate(problem, inside, solution.tiles, solution.unknowns, solution.residual_scale)
+        covariance = Expansion.about(problem, inside, statistics, solution.statistics.inflation).covariance
         for position in range(place.start, place.stop):
             square = (float(solution.unknowns[position]) - domain.lower) ** 2
             spread = quantile95(math.inf) * 2 * epsilon * float(covariance.std[position])
@@ -97,14 +94,14 @@ def bent_valleys(expansion: Expansion, around: Around) -> frozenset[int]:
     bent: set[int] = set()
     for direction in directions:
         if bool((direction > PARTICIPATES)[expansion.gauges].any()):
-            # It ends where the domain of the gauge does: error bars allow for that.
+            # The valley ends where the domain of the gauge does: error bars allow for that.
             continue
         position = int(direction.argmax())
         value, std = float(expansion.unknowns[position]), float(covariance.std[position])
         reach, pull = quantile95(math.inf) * std, float(covariance.matrix[position] @ expansion.gradient)
         for end in (value - reach, value + reach):
             trial = min(max(end, float(problem.lower[position])), float(problem.upper[position]))
-            # A bound this near cuts the interval, which `profile_intervals` handles.
+            # Such a near bound cuts the interval, which `profile_intervals` handles.
             step = trial - value
             if abs(step) < _MIN_ROOM * reach or std == 0:
                 continue
@@ -117,17 +114,13 @@ def bent_valleys(expansion: Expansion, around: Around) -> frozenset[int]:
 
 
 def locked_unknowns(
-    expansion: Expansion,
-    bars: ErrorBars,
-    lobes: LobesNotSeen,
-    around: Around,
-    flat: Collection[int] = (),
+    expansion: Expansion, bars: ErrorBars, lobes: LobesNotSeen, around: Around, flat: Collection[int] = ()
 ) -> frozenset[int]:
     """Positions of unknowns whose error bars are right only for the present value of another unknown.
 
-    That other one has no effect at its present value, to first order: a conductor's k at 0, beside which n looks well
-    known. Unknowns at a `flat` bound are left out because their profiles widen the intervals of the others, gauges
-    because their domains are part of all error bars.
+    To first order the other one has no effect at its present value: a conductor's k at 0, beside which the error bar
+    of n looks small. Unknowns at a `flat` bound lock nothing because their profiles widen the intervals of the others,
+    gauges because all error bars allow for their domains.
     """
     problem = expansion.problem
     width, std = problem.upper - problem.lower, bars.covariance.std

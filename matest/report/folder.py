@@ -23,9 +23,7 @@ from matest.report.page import page
 from matest.report.pictures import write_pictures
 
 # What matest writes into a result or prediction folder; a folder with anything else in it is not replaced.
-_OWN = {
-    "result.json", "prediction.json", "material.json", "report.html", "profile.csv", "images",
-}  # fmt: skip
+_WRITTEN_NAMES = {"result.json", "prediction.json", "material.json", "report.html", "profile.csv", "images"}
 
 
 def check_destination(out: Path, marker: str) -> None:
@@ -33,7 +31,7 @@ def check_destination(out: Path, marker: str) -> None:
 
     Args:
         out: the folder to be written.
-        marker: the JSON file by whose schema an earlier result is known.
+        marker: the JSON file whose schema marks an earlier result.
 
     Raises:
         InputError: `out` is a file, or a folder with other things in it.
@@ -41,8 +39,9 @@ def check_destination(out: Path, marker: str) -> None:
     if not out.exists() or (out.is_dir() and not any(out.iterdir())):
         return
     foreign = out.name
-    if out.is_dir() and _is_ours(out / marker):
-        strangers = [p.name for p in out.iterdir() if p.name not in _OWN and not re.fullmatch(r"\d+\.exr", p.name)]
+    if out.is_dir() and _is_by_matest(out / marker):
+        names = [path.name for path in out.iterdir()]
+        strangers = [name for name in names if name not in _WRITTEN_NAMES and not re.fullmatch(r"\d+\.exr", name)]
         if not strangers:
             return
         foreign = strangers[0]
@@ -51,7 +50,8 @@ def check_destination(out: Path, marker: str) -> None:
     )
 
 
-def _is_ours(file: Path) -> bool:
+def _is_by_matest(file: Path) -> bool:
+    """Whether a JSON file has one of matest's schemas."""
     try:
         return str(json.loads(file.read_text("utf-8"))["schema"]).startswith("matest.")
     except (OSError, ValueError, KeyError, TypeError):

@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from matest.inference.quantities import ParameterEstimate
+
+# What page and terminal call the same columns and tables.
+PARAMETER_COLUMNS = ("parameter", "value ± standard error", "95 % interval", "status")
+CANDIDATES_TITLE = "Models tried, and their relative rms error on what was left out"
 
 
 def measured(value: float | None, std: float | None) -> str:
@@ -15,7 +20,7 @@ def measured(value: float | None, std: float | None) -> str:
         return f"{value:.4g}"
     if std == 0:
         return f"{value:.6g} ± 0"
-    digits = min(max(1 - math.floor(math.log10(std)), 0), 9)
+    digits = _decimals(std)
     return f"{value:.{digits}f} ± {std:.{digits}f}"
 
 
@@ -34,7 +39,7 @@ def rows(name: str, parameter: ParameterEstimate, channels: tuple[str, ...]) -> 
 
 
 def _state(status: str, value: float | None, std: float | None) -> str:
-    """What is known of one channel of a parameter whose status is that of the least known one."""
+    """The status of one channel; that of the parameter is the worst of its channels'."""
     if status in ("fixed", "tied"):
         return status
     return "not determined" if value is None else "at bound" if std is None else "determined"
@@ -48,6 +53,11 @@ def share(value: float | None) -> str:
 def chi2(value: float) -> str:
     """Reduced χ²: two decimals near 1, three digits far from it."""
     return f"{value:.2f}" if value < 100 else f"{value:.3g}"
+
+
+def stages(timing_s: Mapping[str, float]) -> str:
+    """`read 0.03 s, fit 1.45 s`."""
+    return ", ".join(f"{stage} {seconds:.2f} s" for stage, seconds in timing_s.items())
 
 
 def channel_names(count: int) -> tuple[str, ...]:
@@ -68,5 +78,10 @@ def _cells(value: float | None, std: float | None, interval: list[float] | None,
 def _span(ends: list[float], suffix: str) -> str:
     """An interval with as many digits as its width allows."""
     width = ends[1] - ends[0]
-    digits = min(max(1 - math.floor(math.log10(width)), 0), 9) if width > 0 and math.isfinite(width) else 6
+    digits = _decimals(width) if width > 0 and math.isfinite(width) else 6
     return " to ".join(f"{end:.{digits}f}{suffix}" for end in ends)
+
+
+def _decimals(uncertainty: float) -> int:
+    """Decimals that show two digits of an uncertainty, nine at most."""
+    return min(max(1 - math.floor(math.log10(uncertainty)), 0), 9)

@@ -1,79 +1,83 @@
-"""What a check found, for the terminal."""
+"""A check as the terminal shows it."""
 
 from __future__ import annotations
 
 import math
 
-from rich.box import SIMPLE_HEAD
 from rich.console import Group
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
 from matest.identifiability import Check, LightAdvice, Prediction
 from matest.inference.quantities import Number
-
-_STATUS_STYLE = {"determined": "green", "weak": "yellow", "held": "yellow", "not determined": "red"}
+from matest.report.tables import add_parameters, in_colour, plain_table
 
 
 def check_report(check: Check) -> Group:
     """Predicted error bars, reasons, the light that would help most, and what all this rests on."""
-    several = bool(check.levels)
-    table = Table(box=SIMPLE_HEAD, title=f"{check.capture}: {check.model}", title_justify="left")
-    # Values of several channels, and ranges, go to a second line where the table would not fit.
-    table.add_column("parameter", no_wrap=True)
-    table.add_column("assumed")
-    table.add_column("standard error", no_wrap=True)
-    table.add_column("relative (range)" if several else "relative", min_width=8)
-    table.add_column("status", no_wrap=True)
-    component = ""
-    for name, prediction in check.parameters.items():
-        # Parameters of a sum stand under the name of their model.
-        owner, dot, short = name.rpartition(".")
-        if dot and owner != component:
-            component = owner
-            table.add_row(Text(owner, style="bold"))
-        cells = (f"  {short}" if dot else name, _value(prediction), _error(prediction), _relative(prediction))
-        table.add_row(*cells, Text(prediction.status, style=_STATUS_STYLE.get(prediction.status, "")))
-    parts: list[object] = [table]
-    parts += [
-        Text(f"{name} ({prediction.status}): {prediction.reason}.", style=_STATUS_STYLE.get(prediction.status, ""))
+    reasons = [
+        in_colour(f"{name} ({prediction.status}): {prediction.reason}.", prediction.status)
         for name, prediction in check.parameters.items()
         if prediction.reason
     ]
-    parts.append(_advice(check.light))
-    if check.light is not None:
-        parts.append(_with_light(check, check.light))
-        if check.light.frees:
-            parts.append(_freed(check.light))
-    if several:
-        spans = [f"{name} {low:.3g} to {high:.3g}" for name, (low, *_, high) in check.levels.items()]
-        parts.append(Text(f"Range: over {', '.join(spans)}; --at NAME=VALUE predicts for another value."))
-    noise = check.noise
-    images = f"{check.images} image{'s' * (check.images != 1)}"
-    parts.append(
-        Text(
-            f"{check.samples:,} samples of {images}; noise {noise['source']}: "
-            f"read {noise['read']:.3g}, gain {noise['gain']:.3g} of full scale."
-        )
+    warnings = [Text(f"Note: {warning}", style="yellow") for warning in check.warnings]
+    return Group(_predictions(check), *reasons, *_light(check), *_basis(check), *warnings)
+
+
+def _predictions(check: Check) -> Table:
+    """The predicted error bars."""
+    # Values of several channels, and ranges, go to a second line where the table would not fit.
+    table = plain_table(
+        Column("parameter", no_wrap=True),
+        "assumed",
+        Column("standard error", no_wrap=True),
+        Column("relative (range)" if check.levels else "relative", min_width=8),
+        Column("status", no_wrap=True),
+        title=f"{check.capture}: {check.model}",
     )
-    parts += [Text(f"Note: {warning}", style="yellow") for warning in check.warnings]
-    return Group(*parts)  # type: ignore[arg-type]
+
+    def rows_of(label: str, prediction: Prediction) -> list[tuple[str, ...]]:
+        error = _error(prediction.std, prediction.unit)
+        return [(label, _value(prediction), error, _relative(prediction), prediction.status)]
+
+    add_parameters(table, check.parameters, rows_of)
+    return table
+
+
+def _basis(check: Check) -> list[Text]:
+    """The values, samples and noise that the prediction rests on."""
+    noise, images = check.noise, f"{check.images} image{'s' * (check.images != 1)}"
+    samples = Text(
+        f"{check.samples:,} samples of {images}; noise {noise['source']}: "
+        f"read {noise['read']:.3g}, gain {noise['gain']:.3g} of full scale."
+    )
+    if not check.levels:
+        return [samples]
+    spans = [f"{name} {low:.3g} to {high:.3g}" for name, (low, *_, high) in check.levels.items()]
+    return [Text(f"Range: over {', '.join(spans)}; --at NAME=VALUE predicts for another value."), samples]
+
+
+def _light(check: Check) -> list[Text | Table]:
+    """The light that would help most, and what it brings."""
+    light = check.light
+    if light is None:
+        return [Text("No further distant light would lower the largest relative error.")]
+    brings: list[Text | Table] = [_direction(light), _with_light(check, light)]
+    return [*brings, _freed(light)] if light.frees else brings
 
 
 def _with_light(check: Check, light: LightAdvice) -> Table:
-    table = Table(box=SIMPLE_HEAD)
-    for column in ("parameter", "error now", "with it", "smaller by"):
-        table.add_column(column, no_wrap=True)
+    """Error bars without and with the light."""
+    table = plain_table(*(Column(name, no_wrap=True) for name in ("parameter", "error now", "with it", "smaller by")))
     for name, std in light.std.items():
-        gain = light.gain[name]
-        now = check.parameters[name]
+        gain, now = light.gain[name], check.parameters[name]
         change = "becomes determined" if name in light.resolves else "-" if gain is None else f"{gain:.3g} ×"
-        table.add_row(name, _error(now), _error(Prediction(now.value, std, None, None, now.unit, "")), change)
+        table.add_row(name, _error(now.std, now.unit), _error(std, now.unit), change)
     return table
 
 
 def _freed(light: LightAdvice) -> Text:
-    """What is estimated with the light that is taken for granted now."""
+    """The parameters that the light lets `estimate` free."""
     errors = [f"{name} ± {std:.2g}" for name, number in light.freed.items() if (std := _largest(number)) is not None]
     fixes = " ".join(f"--fix {name}=VALUE" for name in light.frees)
     return Text(
@@ -83,22 +87,22 @@ def _freed(light: LightAdvice) -> Text:
     )
 
 
-def _advice(light: LightAdvice | None) -> Text:
-    if light is None:
-        return Text("No further distant light would lower the largest relative error.")
+def _direction(light: LightAdvice) -> Text:
+    """Where the light should stand."""
     x, y, z = (value + 0.0 for value in light.direction)
-    where = "from the camera itself"
+    place = "from the camera itself"
     if light.from_camera > math.radians(0.5):
-        where = (
+        place = (
             f"{math.degrees(light.from_camera):.0f}° off the camera, "
             f"{math.degrees(light.azimuth) % 360:.0f}° counterclockwise from the image's right"
         )
     before, after = (_percent(value) for value in light.worst)
     largest = f": largest relative error {before} -> {after}" if not light.resolves else ""
-    return Text(f"Next light: direction = [{x:.3f}, {y:.3f}, {z:.3f}], {where}{largest}.")
+    return Text(f"Next light: direction = [{x:.3f}, {y:.3f}, {z:.3f}], {place}{largest}.")
 
 
 def _value(prediction: Prediction) -> str:
+    """The value that a prediction is for, each different one of its channels once."""
     unit = "" if prediction.unit == "1" else f" {prediction.unit}"
     if _largest(prediction.value) is None:
         return "-"
@@ -107,20 +111,21 @@ def _value(prediction: Prediction) -> str:
     return text + f"\n{math.degrees(values[0] or 0):.1f}°" if prediction.unit == "rad" else text
 
 
-def _error(prediction: Prediction) -> str:
-    std = _largest(prediction.std)
+def _error(number: Number, unit: str) -> str:
+    """The largest standard error of a parameter's channels."""
+    std = _largest(number)
     if std is None:
         return "-"
-    if prediction.unit == "rad":
+    if unit == "rad":
         return f"± {std:.2g} rad\n± {math.degrees(std):.2g}°"
     return f"± {std:.2g}"
 
 
 def _largest(number: Number) -> float | None:
-    """Of the channels, the largest; None where any has none."""
-    values = number if isinstance(number, list) else [number]
-    known = [value for value in values if value is not None]
-    return max(known) if known and len(known) == len(values) else None
+    """The largest of the channels; None where one of them has no number."""
+    channels = number if isinstance(number, list) else [number]
+    numbers = [channel for channel in channels if channel is not None]
+    return max(numbers) if numbers and len(numbers) == len(channels) else None
 
 
 def _relative(prediction: Prediction) -> str:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from html import escape
 
 from matest.estimation.result import Estimate
-from matest.report.format import channel_names, chi2, rows, share
+from matest.report.format import CANDIDATES_TITLE, PARAMETER_COLUMNS, channel_names, chi2, rows, share, stages
 from matest.report.pictures import RESIDUAL_RANGE
 
 _STYLE = """
@@ -21,6 +22,8 @@ th { font-weight: 600; } .warning { border-left: 4px solid #c80; padding-left: .
 figure { margin: 0; } figure img { width: 100%; image-rendering: auto; background: #000; }
 figcaption { font-size: .85rem; color: var(--soft); }
 """
+# Why pixels are left out, in the words of the page where these differ from those of the result.
+_SKIPPED_PIXELS = {"held_out": "in images held out", "idle": "in images that add nothing", "unread": "not needed"}
 
 
 def page(estimate: Estimate, files: list[str]) -> str:
@@ -30,95 +33,104 @@ def page(estimate: Estimate, files: list[str]) -> str:
         estimate: what to report.
         files: names of the capture's images.
     """
-    fit = estimate.fit
-    parts = [
-        f"<h1>{escape(estimate.capture)}: {escape(estimate.model)}</h1>",
-        f'<p class="lead">{escape(fit.message)}</p>',
-        _table(
-            ("parameter", "value ± standard error", "95 % interval", "status", ""),
-            [
-                (*row, parameter.doc)
-                for name, parameter in estimate.parameters.items()
-                for row in rows(name, parameter, channel_names(estimate.channels))
-            ],
-        ),
-        *(f'<p class="warning">{escape(warning)}</p>' for warning in estimate.warnings),
-        "<h2>Fit</h2>",
-        _table(
-            ("relative rms error", "reduced χ²", "samples used", "of", "passes", "error bars from"),
-            [
-                (
-                    f"{fit.relative_rmse:.2%}",
-                    chi2(fit.reduced_chi2),
-                    f"{fit.samples_used:,}",
-                    f"{fit.samples:,}",
-                    str(fit.iterations),
-                    fit.errors.replace("fisher", "Fisher information"),
-                )
-            ],
-        ),
-    ]
-    if estimate.holdout:
-        left = ", ".join(f"{number} ({escape(files[number])})" for number in estimate.holdout["images"])
-        error = share(estimate.holdout["relative_rmse"])
-        parts.append(f"<p>Held out of the fit, image {left}: relative rms error {error}.</p>")
-    if estimate.candidates:
-        parts.append("<h2>Models tried, and their relative rms error on what was left out</h2>")
-        parts.append(
-            _table(
-                ("model", "error", "verdict"),
-                [(c.model, f"{c.relative_rmse:.2%}", c.reason) for c in estimate.candidates],
-                "words",
-            )
-        )
-    parts.append("<h2>Images</h2>")
-    parts.append(
-        f"<p>Photograph, the estimated material under the same light, and their difference: red where the photograph "
-        f"is brighter, blue where it is darker, full colour at {RESIDUAL_RANGE:.0%} of the rms brightness, "
-        "grey where a pixel did not count (background, rim, shadow, saturation).</p>"
+    sections = (
+        _parameters(estimate),
+        _fit(estimate),
+        _holdout(estimate, files),
+        _candidates(estimate),
+        _images(files),
+        _skipped(estimate),
+        f"<h2>Time</h2>\n<p>{escape(stages(estimate.timing_s))}</p>",
     )
-    parts.append('<div class="images">')
-    for number, file in enumerate(files):
-        for kind, caption in (("photo", "photograph"), ("render", "model"), ("residual", "difference")):
-            source = f"images/{number:02d}_{kind}.png"
-            parts.append(
-                f'<figure><img src="{source}" alt="{caption} {number}" loading="lazy">'
-                f"<figcaption>{escape(file)}: {caption}</figcaption></figure>"
-            )
-    parts.append("</div>")
-    parts += ["<h2>Not computed</h2>", _skipped(estimate), "<h2>Time</h2>", _timing(estimate)]
     title = escape(f"matest: {estimate.capture}")
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
         f'<meta name="viewport" content="width=device-width"><style>{_STYLE}</style></head><body>'
-        + "\n".join(parts)
+        + "\n".join(section for section in sections if section)
         + "</body></html>\n"
     )
 
 
-def _table(head: tuple[str, ...], body: list[tuple[str, ...]], kind: str = "") -> str:
+def _parameters(estimate: Estimate) -> str:
+    """Title, verdict, table of the parameters, warnings."""
+    channels = channel_names(estimate.channels)
+    body = [
+        (*row, parameter.doc)
+        for name, parameter in estimate.parameters.items()
+        for row in rows(name, parameter, channels)
+    ]
+    return "\n".join(
+        [
+            f"<h1>{escape(estimate.capture)}: {escape(estimate.model)}</h1>",
+            f'<p class="lead">{escape(estimate.fit.message)}</p>',
+            _table((*PARAMETER_COLUMNS, ""), body),
+            *(f'<p class="warning">{escape(warning)}</p>' for warning in estimate.warnings),
+        ]
+    )
+
+
+def _fit(estimate: Estimate) -> str:
+    """How well the model describes the images."""
+    fit = estimate.fit
+    cells = {
+        "relative rms error": f"{fit.relative_rmse:.2%}",
+        "reduced χ²": chi2(fit.reduced_chi2),
+        "samples used": f"{fit.samples_used:,}",
+        "of": f"{fit.samples:,}",
+        "passes": str(fit.iterations),
+        "error bars from": fit.errors.replace("fisher", "Fisher information"),
+    }
+    return "<h2>Fit</h2>\n" + _table([*cells], [[*cells.values()]])
+
+
+def _holdout(estimate: Estimate, files: list[str]) -> str:
+    """The error on the images held out; empty where none are."""
+    if not estimate.holdout:
+        return ""
+    images = ", ".join(f"{number} ({escape(files[number])})" for number in estimate.holdout["images"])
+    error = share(estimate.holdout["relative_rmse"])
+    return f"<p>Held out of the fit, image {images}: relative rms error {error}.</p>"
+
+
+def _candidates(estimate: Estimate) -> str:
+    """The models that were tried; empty where one was named."""
+    if not estimate.candidates:
+        return ""
+    body = [(each.model, f"{each.relative_rmse:.2%}", each.reason) for each in estimate.candidates]
+    return f"<h2>{CANDIDATES_TITLE}</h2>\n" + _table(("model", "error", "verdict"), body, "words")
+
+
+def _images(files: list[str]) -> str:
+    """The pictures of every image in a row."""
+    figures = [
+        f'<figure><img src="images/{number:02d}_{kind}.png" alt="{caption} {number}" loading="lazy">'
+        f"<figcaption>{escape(file)}: {caption}</figcaption></figure>"
+        for number, file in enumerate(files)
+        for kind, caption in (("photo", "photograph"), ("render", "model"), ("residual", "difference"))
+    ]
+    legend = (
+        "<p>Photograph, the estimated material under the same light, and their difference: red where the photograph "
+        f"is brighter, blue where it is darker, full colour at {RESIDUAL_RANGE:.0%} of the rms brightness, "
+        "grey where a pixel did not count (background, rim, shadow, saturation).</p>"
+    )
+    return "\n".join(["<h2>Images</h2>", legend, '<div class="images">', *figures, "</div>"])
+
+
+def _table(head: Sequence[str], body: Sequence[Sequence[str]], kind: str = "") -> str:
     cells = "".join(f"<th>{escape(cell)}</th>" for cell in head)
-    lines = "".join("<tr>" + "".join(f"<td>{_cell(cell)}</td>" for cell in row) + "</tr>" for row in body)
+    lines = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in body)
+    lines = lines.replace("\n", "<br>")
     return f'<table class="{kind}"><thead><tr>{cells}</tr></thead><tbody>{lines}</tbody></table>'
 
 
-def _cell(text: str) -> str:
-    return escape(text).replace("\n", "<br>")
-
-
 def _skipped(estimate: Estimate) -> str:
-    told = {"held_out": "in images held out", "idle": "in images that add nothing", "unread": "not needed"}
-    counts = [
-        f"{count:,} {told.get(reason, reason)}"
+    """Which pixels, lobes and work were left out."""
+    pixels = ", ".join(
+        f"{count:,} {_SKIPPED_PIXELS.get(reason, reason)}"
         for reason, count in estimate.skipped.get("samples", {}).items()
         if count
-    ]
+    )
     lobes = ", ".join(estimate.skipped.get("components", []))
     work = [f"lobes that the images do not support: {lobes}"] if lobes else []
-    items = [f"pixels of all images: {', '.join(counts) or 'none'}", *work, *estimate.skipped.get("work", [])]
-    return f"<ul>{''.join(f'<li>{escape(item)}</li>' for item in items)}</ul>"
-
-
-def _timing(estimate: Estimate) -> str:
-    stages = ", ".join(f"{stage} {seconds:.2f} s" for stage, seconds in estimate.timing_s.items())
-    return f"<p>{escape(stages)}</p>"
+    items = [f"pixels of all images: {pixels or 'none'}", *work, *estimate.skipped.get("work", [])]
+    return f"<h2>Not computed</h2>\n<ul>{''.join(f'<li>{escape(item)}</li>' for item in items)}</ul>"

@@ -1,4 +1,4 @@
-"""Pictures of an estimate: photograph, shaded material and their difference, fit to look at."""
+"""Pictures of an estimate: every photograph, the shaded material, and their difference."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from matest.profiles import cross_section, middle_row
 from matest.shading import render_image
 from matest.workers import in_threads
 
-# The residual picture shows differences up to this share of the photograph's rms brightness.
+# Difference shown in full colour, as a share of the photograph's rms brightness: misfits of a tenth stand out.
 RESIDUAL_RANGE = 0.1
 
 
@@ -37,23 +37,23 @@ def write_pictures(capture: Capture, material: Brdf, folder: Path, *, radiance: 
     line = _object_row(surface.mask)
 
     def draw(number: int) -> list[tuple[str, np.ndarray]]:
-        """Write the pictures of an image; its columns of the profile."""
+        """Write the pictures of an image; returns its columns of the profile."""
         render = render_image(capture.scene, number, material).detach().numpy()
         if radiance:
             write_image(folder / f"{number:02d}.exr", render)
         photo = surface.image(capture.radiance(number))
-        lit = photo[surface.mask]
-        white = float(np.quantile(lit.max(axis=1), 0.995)) or 1.0
-        # Past the brightest pixel but the highlight: bright, not burnt.
+        object_pixels = photo[surface.mask]
+        white = float(np.quantile(object_pixels.max(axis=1), 0.995)) or 1.0
+        # The brightest pixels, the highlight's apart, get 80 % of full scale.
         write_image(folder / "images" / f"{number:02d}_photo.png", srgb(0.8 * photo / white))
         write_image(folder / "images" / f"{number:02d}_render.png", srgb(0.8 * render / white))
-        scale = RESIDUAL_RANGE * float(np.sqrt(np.mean(lit**2))) or 1.0
-        used = np.zeros(surface.shape, dtype=bool)
-        used.flat[surface.pixels[samples.indices(number)]] = True
+        scale = RESIDUAL_RANGE * float(np.sqrt(np.mean(object_pixels**2))) or 1.0
+        sample_mask = np.zeros(surface.shape, dtype=bool)
+        sample_mask.flat[surface.pixels[samples.indices(number)]] = True
         difference = (photo - render).mean(axis=2) / scale
-        write_image(folder / "images" / f"{number:02d}_residual.png", _diverging(difference, used))
-        own = [(f"photo_{number:02d}", photo), (f"render_{number:02d}", render)]
-        return [(name, cross_section(image, line)) for name, image in own]
+        write_image(folder / "images" / f"{number:02d}_residual.png", _diverging(difference, sample_mask))
+        profiles = {f"photo_{number:02d}": photo, f"render_{number:02d}": render}
+        return [(name, cross_section(image, line)) for name, image in profiles.items()]
 
     columns = dict(itertools.chain.from_iterable(in_threads(draw, range(len(capture)))))
     write_columns(folder / "profile.csv", {"x": np.arange(len(next(iter(columns.values())))), **columns})

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TypeVar
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Group
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
 from matest.brdf import Brdf
@@ -15,52 +16,80 @@ from matest.estimation.prediction import PredictionErrors
 from matest.estimation.result import Estimate
 from matest.parameters import options_of, parameters_of
 from matest.profiles import Comparison
-from matest.report.format import channel_names, rows, share
+from matest.report.format import CANDIDATES_TITLE, PARAMETER_COLUMNS, channel_names, rows, share, stages
 
-_STATUS_STYLE = {"determined": "green", "at bound": "yellow", "not determined": "red"}
+_STATUS_STYLES = {
+    "determined": "green",
+    "not determined": "red",
+    **dict.fromkeys(("weak", "held", "at bound"), "yellow"),
+}
+Item = TypeVar("Item")
+
+
+def plain_table(*columns: str | Column, title: str | Text | None = None) -> Table:
+    """An empty table with a line under its head."""
+    return Table(*columns, box=SIMPLE_HEAD, title=title, title_justify="left")
+
+
+def add_parameters(
+    table: Table, parameters: Mapping[str, Item], rows_of: Callable[[str, Item], Iterable[Sequence[str]]]
+) -> None:
+    """Add the rows of every parameter, those of a sum under the name of their model.
+
+    Args:
+        table: takes the rows; its last column is the status.
+        parameters: by name (in a sum: by path).
+        rows_of: the cells of a parameter's rows, given how the table calls it.
+    """
+    component = ""
+    for path, parameter in parameters.items():
+        owner, dot, name = path.rpartition(".")
+        if dot and owner != component:
+            component = owner
+            table.add_row(Text(owner, style="bold"))
+        for *cells, status in rows_of(f"  {name}" if dot else path, parameter):
+            table.add_row(*cells, in_colour(status, status))
+
+
+def in_colour(text: str, status: str) -> Text:
+    """A text about a parameter in the colour of its status."""
+    return Text(text, style=_STATUS_STYLES.get(status, ""))
 
 
 def estimate_table(estimate: Estimate) -> Group:
     """Parameters with error bars, quality of the fit, warnings."""
-    table = Table(box=SIMPLE_HEAD, title=f"{estimate.capture}: {estimate.model}", title_justify="left")
-    for column in ("parameter", "value ± standard error", "95 % interval", "status"):
-        table.add_column(column, no_wrap=column != "value ± standard error")
-    component = ""
-    for name, parameter in estimate.parameters.items():
-        # Parameters of a sum stand under the name of their model.
-        owner, dot, short = name.rpartition(".")
-        if dot and owner != component:
-            component = owner
-            table.add_row(Text(owner, style="bold"), "", "", "")
-        for row in rows(f"  {short}" if dot else name, parameter, channel_names(estimate.channels)):
-            table.add_row(*row[:-1], Text(row[-1], style=_STATUS_STYLE.get(row[-1], "")))
+    columns = (Column(name, no_wrap=name != "value ± standard error") for name in PARAMETER_COLUMNS)
+    table = plain_table(*columns, title=f"{estimate.capture}: {estimate.model}")
+    channels = channel_names(estimate.channels)
+    add_parameters(table, estimate.parameters, lambda label, parameter: rows(label, parameter, channels))
+    return Group(
+        *([_candidates(estimate)] if estimate.candidates else []),
+        table,
+        Text(estimate.fit.message),
+        Text(_errors(estimate)),
+        *(Text(f"Note: {warning}", style="yellow") for warning in estimate.warnings),
+        Text(stages(estimate.timing_s), style="dim"),
+    )
+
+
+def _errors(estimate: Estimate) -> str:
+    """The error of the fit and what it is of, in a sentence."""
     fit = estimate.fit
-    parts: list[object] = []
-    if estimate.candidates:
-        parts.append(_candidates(estimate))
-    parts.append(table)
-    parts.append(Text(fit.message))
-    summary = f"relative rms error {fit.relative_rmse:.2%}"
+    sentence = f"relative rms error {fit.relative_rmse:.2%}"
     if fit.values_left_out:
-        summary += f" ({fit.relative_rmse_trimmed:.2%} without the {fit.values_left_out:,} values left out as outliers)"
-    summary += f", {fit.samples_used:,} of {fit.samples:,} samples"
-    saturated = estimate.skipped.get("samples", {}).get("saturated", 0)
-    if saturated:
-        summary += f" and {saturated:,} saturated ones"
+        trimmed = f"{fit.relative_rmse_trimmed:.2%}"
+        sentence += f" ({trimmed} without the {fit.values_left_out:,} values left out as outliers)"
+    sentence += f", {fit.samples_used:,} of {fit.samples:,} samples"
+    if saturated := estimate.skipped.get("samples", {}).get("saturated", 0):
+        sentence += f" and {saturated:,} saturated ones"
     if estimate.holdout:
-        summary += f", {share(estimate.holdout['relative_rmse'])} on the images left out"
-    parts.append(Text(summary + "."))
-    parts += [Text(f"Note: {warning}", style="yellow") for warning in estimate.warnings]
-    stages = ", ".join(f"{stage} {seconds:.2f} s" for stage, seconds in estimate.timing_s.items())
-    parts.append(Text(stages, style="dim"))
-    return Group(*parts)  # type: ignore[arg-type]
+        sentence += f", {share(estimate.holdout['relative_rmse'])} on the images left out"
+    return sentence + "."
 
 
 def summary_table(estimates: Mapping[str, Estimate | str]) -> Table:
     """One line a capture; a text instead of an estimate says why there is none."""
-    table = Table(box=SIMPLE_HEAD)
-    for column in ("capture", "model", "relative rms error", "status"):
-        table.add_column(column)
+    table = plain_table("capture", "model", "relative rms error", "status")
     for name, estimate in estimates.items():
         if isinstance(estimate, str):
             table.add_row(name, "", "", Text(estimate, style="red"))
@@ -74,9 +103,8 @@ def models_table(models: Mapping[str, type[Brdf]]) -> Group:
     parts: list[Text | Table] = []
     for name, model in models.items():
         parts.append(Text.assemble((name, "bold"), (f"  {model.source}", "dim")))
-        table = Table(box=None, show_header=False, padding=(0, 1), pad_edge=False)
-        for width in (20, 14, None):
-            table.add_column(min_width=width)
+        columns = (Column(min_width=width) for width in (20, 14, None))
+        table = Table(*columns, box=None, show_header=False, padding=(0, 1), pad_edge=False)
         for parameter, declared in parameters_of(model).items():
             unit = "" if declared.unit == "1" else f" {declared.unit}"
             meaning = declared.doc + (f"; held at {declared.held:g} unless determined" if declared.held else "")
@@ -92,10 +120,9 @@ def models_table(models: Mapping[str, type[Brdf]]) -> Group:
 
 def presets_table(presets: Mapping[str, Preset]) -> Table:
     """Named materials of the papers."""
+    # A text, because a plain title takes [material] for markup.
     title = Text('Materials of the papers: preset = "NAME" under [material] in a scene')
-    table = Table(box=SIMPLE_HEAD, title=title, title_justify="left")
-    for column in ("preset", "material", "source"):
-        table.add_column(column)
+    table = plain_table("preset", "material", "source", title=title)
     for name, preset in presets.items():
         table.add_row(name, preset.doc + ("; give f0" if preset.needs_f0 else ""), preset.source)
     return table
@@ -103,9 +130,7 @@ def presets_table(presets: Mapping[str, Preset]) -> Table:
 
 def prediction_table(errors: PredictionErrors, files: list[str]) -> Table:
     """The error of every image, and of all together."""
-    table = Table(box=SIMPLE_HEAD)
-    table.add_column("image")
-    table.add_column("relative rms error", justify="right")
+    table = plain_table("image", Column("relative rms error", justify="right"))
     for file, error in zip(files, errors.images, strict=True):
         table.add_row(file, share(error))
     table.add_section()
@@ -114,27 +139,19 @@ def prediction_table(errors: PredictionErrors, files: list[str]) -> Table:
 
 
 def comparison_table(comparison: Comparison) -> Table:
-    table = Table(box=SIMPLE_HEAD)
-    table.add_column("image")
-    for column in ("rms difference", "maximum", "brightest at"):
-        table.add_column(column, justify="right")
-    for name, rms, maximum, peak in zip(
-        comparison.names, comparison.rms, comparison.maximum, comparison.peak, strict=True
-    ):
+    """How much every image differs from the first."""
+    numbers = (Column(name, justify="right") for name in ("rms difference", "maximum", "brightest at"))
+    table = plain_table("image", *numbers)
+    figures = zip(comparison.names, comparison.rms, comparison.maximum, comparison.peak, strict=True)
+    for name, rms, maximum, peak in figures:
         first = name == comparison.names[0]
         table.add_row(name, "reference" if first else f"{rms:.4g}", "" if first else f"{maximum:.4g}", f"{peak:.0f} px")
     return table
 
 
 def _candidates(estimate: Estimate) -> Table:
-    table = Table(
-        box=SIMPLE_HEAD,
-        title="Models tried, and their relative rms error on what was left out",
-        title_justify="left",
-    )
-    table.add_column("model", no_wrap=True)
-    table.add_column("error", justify="right")
-    table.add_column("verdict")
+    columns = Column("model", no_wrap=True), Column("error", justify="right"), "verdict"
+    table = plain_table(*columns, title=CANDIDATES_TITLE)
     for candidate in estimate.candidates:
         table.add_row(candidate.model, f"{candidate.relative_rmse:.2%}", candidate.reason)
     return table

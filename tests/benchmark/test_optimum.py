@@ -7,7 +7,6 @@ import pytest
 from matest.benchmark.instruments.bound import problem_of
 from matest.benchmark.instruments.optimum import excess
 from matest.benchmark.instruments.simulated import draw
-from matest.identifiability.forecast import unknowns_at
 
 
 @pytest.mark.parametrize("expression", ["oren-nayar", "cook-torrance"])
@@ -16,7 +15,7 @@ def test_the_grid_finds_what_a_fit_stuck_elsewhere_has_missed(expression: str) -
     capture = drawn.photograph()
     held = {"f0": 0.04} if expression == "cook-torrance" else {}
     problem = problem_of(drawn, held)
-    truth = unknowns_at(problem, drawn.material.parameters)
+    truth = problem.unknowns_at(drawn.material.parameters)
     stuck = truth.clone()
     stuck[problem.where[problem.shapes[0]]] *= 2
     assert excess(problem, stuck, capture.samples()) > 100

@@ -69,7 +69,7 @@ def test_estimate_and_check_refuse_the_same_options_in_the_same_words(options: d
 
 
 def test_estimate_and_check_hold_the_same_values(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("matest.identifiability.facade.next_light", lambda *_: None)
+    monkeypatch.setattr("matest.identifiability.advice.next_light", lambda *_: None)
     capture = CAPTURE.photograph(OrenNayar(0.6, 0.4), seed=1)
     found = matest.estimate(capture, "oren-nayar", fix={"sigma": 0.4})
     forecast = matest.check(capture, "oren-nayar", fix={"sigma": 0.4})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from matest.brdf import LiTorrance
-from matest.inference.derived import known_by_derived, reported_correlation, reported_labels, reported_name
+from matest.inference.derived import reported_correlation, reported_labels, reported_name, shows_only_in_derived
 from matest.inference.expansion import Expansion
 from tests.inference.judged import Judged, judged
 from tests.problems import problem
@@ -28,9 +28,9 @@ def test_a_length_of_which_only_the_ratio_has_an_effect_is_reported_as_that_rati
     for length in ("height_rms", "correlation_length"):
         assert found[length].status == "not determined"
         assert found[length].value is None
-    assert known_by_derived(model, "correlation_length")
-    assert known_by_derived(model, "height_rms")
-    assert not known_by_derived(model, "k_dd")
+    assert shows_only_in_derived(model, "correlation_length")
+    assert shows_only_in_derived(model, "height_rms")
+    assert not shows_only_in_derived(model, "k_dd")
     assert reported_name(model, "correlation_length") == "slope_ratio"
     assert reported_name(model, "k_dd") == "k_dd"
 

@@ -12,7 +12,6 @@ from matest.estimation.options import Options
 from matest.estimation.specification import specify
 from matest.estimators import Problem, accumulate
 from matest.estimators.covariance import Covariance, fisher
-from matest.identifiability.forecast import unknowns_at
 
 
 def problem_of(subject: Subject, fix: Mapping[str, Any]) -> Problem:
@@ -26,7 +25,7 @@ def cramer_rao(problem: Problem, subject: Subject) -> Covariance:
 
     Every other lit pixel off the rim counts, weighed by the noise at its true radiance.
     """
-    truth = unknowns_at(problem, subject.material.parameters)
+    truth = problem.unknowns_at(subject.material.parameters)
     samples = subject.ideal().samples(dtype=torch.float64)
     information = accumulate(problem, truth, samples.tiles(merge=False), truth).information
     clean = 1 - subject.sensor.conditions.outliers

@@ -18,7 +18,6 @@ from matest.benchmark.instruments.simulated import draw
 from matest.estimation.result import Estimate
 from matest.estimators import Problem
 from matest.estimators.covariance import Covariance
-from matest.identifiability.forecast import unknowns_at
 from matest.workers import single_threaded_torch
 
 # Parameters nearer than this many standard errors to an end of their domain do not count.
@@ -139,9 +138,9 @@ def _trial(drawn: Subject, grid: bool) -> Trial:
     estimate = matest.estimate(capture, expression, fix=fix)
     above = None
     if grid:
-        unknowns = unknowns_at(problem, estimate.material.parameters)
+        unknowns = problem.unknowns_at(estimate.material.parameters)
         above = excess(problem, unknowns, capture.samples(dtype=torch.float64))
-    figures = tuple(_figures(problem, unknowns_at(problem, parameters), covariance, estimate))
+    figures = tuple(_figures(problem, problem.unknowns_at(parameters), covariance, estimate))
     return Trial(expression, drawn.seed, figures, above, estimate.fit.errors, _about(drawn))
 
 

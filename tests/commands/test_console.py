@@ -1,0 +1,25 @@
+"""What commands print: JSON, notes, and no progress bar in a pipe."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from matest.commands.console import note, print_json, progress
+from matest.progress import silent
+
+
+def test_json_goes_to_standard_output_and_notes_to_standard_error(capsys: pytest.CaptureFixture[str]) -> None:
+    print_json({"sigma": "σ"})
+    note("the albedo is relative.")
+    out, err = capsys.readouterr()
+    assert (json.loads(out), err) == ({"sigma": "σ"}, "matest: note: the albedo is relative.\n")
+    assert "σ" in out
+
+
+def test_a_pipe_gets_no_progress_bar(capsys: pytest.CaptureFixture[str]) -> None:
+    with progress("vase") as say:
+        assert say is silent
+        say("reading", 1, 2)
+    assert capsys.readouterr() == ("", "")

@@ -1,0 +1,78 @@
+"""Tables for the terminal."""
+
+from __future__ import annotations
+
+from io import StringIO
+
+import pytest
+from rich.console import Console, RenderableType
+
+from matest.brdf import MODELS, PRESETS
+from matest.estimation.estimate import PredictionErrors
+from matest.report.tables import (
+    add_parameters,
+    estimate_table,
+    models_table,
+    plain_table,
+    prediction_table,
+    presets_table,
+    summary_table,
+)
+from tests.estimates import FIXED, LOST, SIGMA, clay
+
+
+def printed(table: RenderableType, colour: bool = False) -> str:
+    """A table as a wide terminal shows it."""
+    console = Console(file=StringIO(), width=200, force_terminal=colour, highlight=False)
+    console.print(table)
+    return console.file.getvalue()  # type: ignore[attr-defined]
+
+
+def words(table: RenderableType) -> str:
+    return " ".join(printed(table).split())
+
+
+def test_parameters_of_a_sum_stand_under_the_name_of_their_model() -> None:
+    table = plain_table("parameter", "status")
+    statuses = {"oren-nayar.albedo": "fixed", "oren-nayar.sigma": "tied", "ward.slope": "fixed"}
+    add_parameters(table, statuses, lambda label, status: [(label, status)])
+    lines = [line[2:].rstrip() for line in printed(table).splitlines() if line.strip()]
+    names = ["oren-nayar", "  albedo", "  sigma", "ward", "  slope"]
+    assert [line.removesuffix("fixed").removesuffix("tied").rstrip() for line in lines[2:]] == names
+
+
+@pytest.mark.parametrize(("parameter", "code"), [(SIGMA, "\x1b[32m"), (LOST, "\x1b[31m"), (FIXED, None)])
+def test_the_colour_of_a_status_says_how_good_it_is(parameter: object, code: str | None) -> None:
+    text = printed(estimate_table(clay(parameters={"sigma": parameter}, warnings=[])), colour=True)
+    status = parameter.status  # type: ignore[attr-defined]
+    assert (f"{code}{status}" if code else f" {status}") in text
+
+
+def test_an_estimate_shows_errors_what_was_left_out_and_warnings() -> None:
+    text = words(estimate_table(clay(skipped={"samples": {"saturated": 5}})))
+    for part in (
+        "Models tried",
+        "0.5236 ± 0.0021 rad",
+        "relative rms error 1.13%, 120,000 of 123,456 samples and 5 saturated ones, 2.00% on the images left out.",
+        "Note: Noise was estimated from the images.",
+        "fit 0.30 s",
+    ):
+        assert part in text
+
+
+def test_a_capture_that_failed_says_why_in_its_line() -> None:
+    text = printed(summary_table({"vase": clay(), "cup": "no mesh"}))
+    assert "oren-nayar" in next(line for line in text.splitlines() if "vase" in line)
+    assert "no mesh" in next(line for line in text.splitlines() if "cup" in line)
+
+
+def test_an_image_without_a_usable_pixel_has_no_error() -> None:
+    text = words(prediction_table(PredictionErrors([0.1, None], 0.1), ["00.png", "01.png"]))
+    assert "00.png 10.00% 01.png no usable pixel all together 10.00%" in text
+
+
+def test_the_catalogue_names_every_model_and_every_preset() -> None:
+    catalogue, presets = words(models_table(MODELS)), words(presets_table(PRESETS))
+    assert [name for name in MODELS if name not in catalogue] == []
+    assert [name for name in PRESETS if name not in presets] == []
+    assert "[material]" in presets
