@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from matest.benchmark.instruments.bound import problem_of
 from matest.benchmark.instruments.optimum import excess
 from matest.benchmark.instruments.simulated import draw
 from matest.identifiability.forecast import unknowns_at
@@ -15,7 +14,7 @@ def test_the_grid_finds_what_a_fit_stuck_elsewhere_has_missed(expression: str) -
     drawn = draw(expression, 1)
     capture = drawn.photograph()
     held = {"f0": 0.04} if expression == "cook-torrance" else {}
-    problem = problem_of(drawn, held)
+    problem = drawn.problem(held)
     truth = unknowns_at(problem, drawn.material.parameters)
     stuck = truth.clone()
     stuck[problem.where[problem.shapes[0]]] *= 2

@@ -11,9 +11,9 @@ from rich.console import Console
 
 from matest.benchmark import Effort, load
 from matest.benchmark.instruments.contest import sphere_of
+from matest.benchmark.instruments.passes import no_compiler
 from matest.benchmark.instruments.photographs import material_of
 from matest.benchmark.instruments.task import Task, Trace, distance
-from matest.benchmark.instruments.timing import no_compiler
 from matest.benchmark.rivals import hand_written, race, renderers, solvers
 from matest.benchmark.suites import peers
 from matest.shading import shade

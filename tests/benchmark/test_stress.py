@@ -11,7 +11,7 @@ from torch import Tensor
 
 from matest.benchmark.instruments.adversarial import direction_pairs, parameter_values
 from matest.benchmark.instruments.passes import heavy
-from matest.benchmark.record import Record
+from matest.benchmark.suite import Record
 from matest.benchmark.suites.stress import TILE, examine
 from matest.brdf import Brdf, Lambert, Term, variants
 from matest.directions import Directions

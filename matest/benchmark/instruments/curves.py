@@ -82,15 +82,11 @@ class Yardstick:
     bound: Values
     optimum: Values
 
-    def step(self, seconds: float, values: Mapping[str, Tensor]) -> Step:
-        """One result."""
-        return self.pooled(seconds, [values])
-
-    def pooled(self, seconds: float, results: Sequence[Mapping[str, Tensor]]) -> Step:
-        """Several results as good as each other: the root mean square error, and the largest distance."""
-        errors = [self._error(in_order(values)) for values in results]
+    def step(self, seconds: float, *results: Mapping[str, Tensor]) -> Step:
+        """One result; of several as good as each other the root mean square error, and the largest distance."""
+        square = sum(self._error(in_order(values)) ** 2 for values in results) / len(results)
         off = max(distance(in_order(values), in_order(self.optimum)) for values in results)
-        return Step(seconds, math.sqrt(sum(error**2 for error in errors) / len(errors)), off)
+        return Step(seconds, math.sqrt(square), off)
 
     def run(self, trace: Trace) -> list[Step]:
         """All results of a solver."""

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 from zlib import crc32
 
@@ -17,6 +19,11 @@ import trimesh
 
 from matest.brdf import Brdf, model
 from matest.capture import Capture
+from matest.estimation.options import Options
+from matest.estimation.specification import specify
+from matest.estimators import Problem, accumulate
+from matest.estimators.covariance import Covariance, fisher
+from matest.identifiability.forecast import unknowns_at
 from matest.photographs.noise import Noise
 from matest.photographs.photographs import Photographs
 from matest.photographs.photometry import Encoding
@@ -27,7 +34,7 @@ from matest.scene.surface import from_mesh, from_sphere
 from matest.shading import render_image
 from matest.simulate import simulate, stored_pixels
 
-# Of a surface facing a light.
+# Irradiance of a surface facing a light.
 IRRADIANCE = 3.0
 # Fraction of full scale from which on a pixel counts as saturated.
 SATURATION = 0.98
@@ -131,6 +138,22 @@ class Subject:
             stored.append(stored_pixels(pixels, encoding, conditions.bits))
         return self._capture(stored, encoding)
 
+    def problem(self, fix: Mapping[str, Any]) -> Problem:
+        """What is estimated of it, some parameters fixed."""
+        options, channels = Options(fix=dict(fix)), self.scene.channels
+        return specify(self.material.expression, options, channels=channels, relative=False, scene=self.scene).problem
+
+    def cramer_rao(self, problem: Problem) -> Covariance:
+        """The least covariance of the unknowns [P], for an observer who knows which pixels are outliers or saturated.
+
+        Every other lit pixel off the rim counts, weighed by the noise at its true radiance.
+        """
+        truth = unknowns_at(problem, self.material.parameters)
+        tiles = self.ideal().samples(dtype=torch.float64).tiles(merge=False)
+        clean = 1 - self.sensor.conditions.outliers
+        information = accumulate(problem, truth, tiles, truth).information * clean
+        return fisher(information, torch.ones(problem.size, dtype=torch.bool))
+
     def _encoding(self) -> Encoding:
         return Encoding(scale=self.scale, black=self.sensor.black, saturation=SATURATION)
 
@@ -179,12 +202,12 @@ def material_of(expression: str) -> Brdf:
     return model(expression)[0].replace({name: torch.tensor(value, dtype=torch.float64) for name, value in values})
 
 
-def take(folder: Path, expression: str, *, images: int, size: int) -> Path:
-    """Photograph a sphere of `MATERIALS[expression]` into files: 16-bit RGB PNG, camera noise, one light an image.
+@contextmanager
+def in_files(expression: str, *, images: int, size: int) -> Iterator[Path]:
+    """A folder, while it is needed, with photographs of a sphere: 16-bit RGB PNG, camera noise, one light an image.
 
     Args:
-        folder: where the capture goes.
-        expression: of the model.
+        expression: of the model; the material is `MATERIALS[expression]`.
         images: their number.
         size: of the square images in pixels.
     """
@@ -198,9 +221,10 @@ def take(folder: Path, expression: str, *, images: int, size: int) -> Path:
             {"lights": [{"direction": toward.tolist(), "irradiance": [IRRADIANCE] * 3}]} for toward in ring(images)
         ],
     }
-    file = folder / "scene.toml"
-    file.write_text(tomli_w.dumps(scene), "utf-8")
-    return simulate(file)
+    with TemporaryDirectory() as folder:
+        file = Path(folder, "scene.toml")
+        file.write_text(tomli_w.dumps(scene), "utf-8")
+        yield simulate(file)
 
 
 def ring(count: int) -> np.ndarray:

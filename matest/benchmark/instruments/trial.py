@@ -11,7 +11,6 @@ import torch
 from torch import Tensor
 
 import matest
-from matest.benchmark.instruments.bound import cramer_rao, problem_of
 from matest.benchmark.instruments.optimum import excess
 from matest.benchmark.instruments.photographs import CLEAN, Conditions, Subject
 from matest.benchmark.instruments.simulated import draw
@@ -134,8 +133,8 @@ def again(expression: str, seed: int, conditions: Conditions = CLEAN, grid: bool
 def _trial(drawn: Subject, grid: bool) -> Trial:
     expression, parameters = drawn.material.expression, drawn.material.parameters
     fix = {name: parameters[name].tolist() for name in _FIXED if name in drawn.material.declared}
-    capture, problem = drawn.photograph(), problem_of(drawn, fix)
-    covariance = cramer_rao(problem, drawn)
+    capture, problem = drawn.photograph(), drawn.problem(fix)
+    covariance = drawn.cramer_rao(problem)
     estimate = matest.estimate(capture, expression, fix=fix)
     above = None
     if grid:

@@ -79,7 +79,7 @@ def tutorial(images: np.ndarray, start: Values, rate: float, done: Callable[[Tra
     import drjit as dr
     import mitsuba as mi
 
-    trace = Trace()
+    trace = Trace(rate=rate, note=f"learning rate {rate:g}")
     scenes = Scenes(images, start)
     targets = [mi.TensorXf(image.astype(np.float32)) for image in images]
     optimiser = mi.ad.Adam(lr=rate)

@@ -14,13 +14,13 @@ from matest.benchmark.instruments import trial as trials
 from matest.benchmark.instruments.photographs import CLEAN, Conditions
 from matest.benchmark.instruments.pooling import Targets, records
 from matest.benchmark.instruments.trial import Trial, trial
-from matest.benchmark.record import Progress, Record
-from matest.benchmark.suite import Effort, Suite
+from matest.benchmark.suite import Effort, Progress, Record, Suite
 from matest.benchmark.tables import by_case, case_name, figure, page, ruled
 from matest.workers import processes
 
 MODELS = ("lambert", "oren-nayar", "oren-nayar-exact", "cook-torrance", "li-torrance")
-CAPTURES, CAPTURES_QUICK = 2000, 4
+CAPTURES = 2000
+CAPTURES_QUICK = 4
 TARGETS = Targets(error=1.05, lowest_coverage=0.93, highest_coverage=0.97)
 again = trials.again
 
@@ -60,8 +60,7 @@ def pooled(
 def table(found: Sequence[Record]) -> Group:
     """Pooled errors and coverage with their intervals, optima missed; then parameter by parameter."""
     lowest, highest = TARGETS.lowest_coverage, TARGETS.highest_coverage
-    conditions = f"16-bit images. Limits: error {TARGETS.error:g}, coverage {lowest:g} to {highest:g}."
-    return pooled_table(found, conditions)
+    return pooled_table(found, f"16-bit images. Limits: error {TARGETS.error:g}, coverage {lowest:g} to {highest:g}.")
 
 
 def pooled_table(found: Sequence[Record], conditions: str) -> Group:

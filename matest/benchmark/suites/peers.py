@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import NamedTuple
 
 from rich.console import Group
 from rich.text import Text
@@ -15,16 +13,17 @@ import matest
 from matest.benchmark.instruments.contest import GLOSSY, IMAGES, Contest, sphere_of
 from matest.benchmark.instruments.passes import timed
 from matest.benchmark.instruments.task import CLOSE, Trace, Values, distance
-from matest.benchmark.instruments.timing import no_compiler
-from matest.benchmark.record import Progress, Record
-from matest.benchmark.rivals import hand_written, renderers, solvers
-from matest.benchmark.rivals.race import Once, Run, finished, rivals
-from matest.benchmark.suite import Effort, Suite
+from matest.benchmark.rivals import hand_written, renderers
+from matest.benchmark.rivals.race import Rules, race, soonest
+from matest.benchmark.suite import Effort, Progress, Record, Suite
 from matest.benchmark.tables import by_case, case_name, figure, largest, page, ruled
 
+# Runs of matest and of every solver without a learning rate, of which the shortest counts.
 ROUNDS = 3
 # A peer that goes on for so many times its limit has lost enough: what it needs is more.
 _MARGIN = 1.5
+# Precision asked of matest, relative: a third of the distance that counts as arrived.
+_PRECISION = CLOSE / 3
 # Least times faster than each; None: for information.
 LIMITS = {
     "adam": 50.0,
@@ -78,22 +77,6 @@ SHARED = Size(256)
 QUICK = Size(64, ("oren-nayar", GLOSSY), _RATES[:1], 1.5, renderers.PATIENCE_QUICK, compiles=False, judged=False)
 
 
-class Result(NamedTuple):
-    """How a solver fared.
-
-    Attributes:
-        seconds: until the optimum; None if it never gets there.
-        note: for a person.
-        spent: how long it had gone on then.
-        rate: its learning rate.
-    """
-
-    seconds: float | None
-    note: str
-    spent: float = 0.0
-    rate: float | None = None
-
-
 def measure(effort: Effort, progress: Progress) -> Iterator[Record]:
     """Records of the models that have a hand-written peer.
 
@@ -108,96 +91,65 @@ def measure(effort: Effort, progress: Progress) -> Iterator[Record]:
 
 def compare(contest: Contest, size: Size, effort: Effort, progress: Progress) -> Iterator[Record]:
     """Times of matest and of every peer, all after a first run that is not counted."""
-    expression = contest.expression
-    optimum = hand_written.optimum(contest.task, contest.truth, HAND_WRITTEN[expression])
-    yield Record("peers", expression, "samples", len(contest.task.radiance), "1", "higher")
-    progress(f"{expression}: matest")
+    case = contest.expression
+    prepare = HAND_WRITTEN[case]
+    optimum = hand_written.optimum(contest.task, contest.truth, prepare)
+    yield Record("peers", case, "samples", len(contest.task.radiance), "1", "higher")
+    progress(f"{case}: matest")
     seconds, off = _matest(contest, optimum)
-    yield Record("peers", expression, "matest", seconds, "s")
+    yield Record("peers", case, "matest", seconds, "s")
     note = "largest relative distance of a parameter from the optimum"
-    yield Record("peers", expression, "distance", off, "1", limit=CLOSE, note=note)
-    best: dict[str, Result] = {}
-    for peer, once in _solvers(contest, optimum, size, best).items():
-        if effort.races(peer):
-            progress(f"{expression}: {peer}")
-            runs = once(min(size.patience, _MARGIN * (LIMITS[peer] or math.inf) * seconds))
-            best[peer] = result_of(runs, optimum, no_compiler())
-            yield from _compared(expression, peer, seconds, best[peer], size)
-    if expression == GLOSSY and effort.races("mitsuba, dr.jit"):
-        progress(f"{expression}: mitsuba, dr.jit")
-        for peer, result in of_renderers(renderers.race_of_sphere(size.pixels, size.of_mitsuba), optimum).items():
-            yield from _compared(expression, peer, seconds, result, size)
+    yield Record("peers", case, "distance", off, "1", limit=CLOSE, note=note)
+
+    def patience(peer: str) -> float:
+        return min(size.patience, _MARGIN * (LIMITS[peer] or math.inf) * seconds)
+
+    rules = Rules(size.rates, patience, size.of_mitsuba, ROUNDS, compiles=size.compiles)
+    for peer, runs, missing in race(case, contest, optimum, prepare, rules, effort, progress):
+        yield from figures(case, peer, seconds, runs, optimum, missing, size.judged)
 
 
 def _matest(contest: Contest, optimum: Values) -> tuple[float, float]:
     """The shortest time of an estimate from the capture, and how far it is from the optimum."""
 
     def once() -> matest.Estimate:
-        return matest.estimate(contest.capture, contest.expression, fix=contest.fixed, precision=CLOSE / 3)
+        return matest.estimate(contest.capture, contest.expression, fix=contest.fixed, precision=_PRECISION)
 
     _, *runs = (timed(once) for _ in range(ROUNDS + 1))
     return min(seconds for _, seconds in runs), distance(runs[-1][0].material.parameters, optimum)
 
 
-def _solvers(contest: Contest, optimum: Values, size: Size, best: dict[str, Result]) -> dict[str, Once]:
-    """Every solver in this process; `best` will hold the results of those that have run."""
-    task, prepare = contest.task, HAND_WRITTEN[contest.expression]
-
-    def adam(patience: float) -> list[Run]:
-        done = partial(finished, optimum=optimum, close=CLOSE, limit=patience)
-        return _compiled(partial(solvers.adam, task, None, best["adam"].rate or size.rates[0], done))
-
-    def lbfgs(patience: float) -> list[Run]:
-        return _compiled(partial(solvers.lbfgs, task, patience=patience))
-
-    compiled = {"adam, compiled": adam, "l-bfgs, compiled": lbfgs} if size.compiles else {}
-    return rivals(task, optimum, prepare, rates=size.rates, rounds=ROUNDS) | compiled
-
-
-def _compiled(once: Callable[..., Trace]) -> list[Run]:
-    """A run whose code is compiled before it starts; none where there is no compiler."""
-    if no_compiler():
-        return []
-    trace, seconds = timed(lambda: once(compiled=True))
-    return [Run(trace, f"after {seconds - trace.seconds[-1]:.3g} s of compiling")]
-
-
-def of_renderers(race: dict[str, list[Run]], optimum: Values) -> dict[str, Result]:
-    """Times of Mitsuba and Dr.Jit; one sentence if they are missing. What compiling adds to never is left out."""
-    results = {peer: result_of(runs, optimum) for peer, runs in race.items()}
-    if results["mitsuba"].seconds is None:
-        results.pop("mitsuba, compiling", None)
-    return {peer: results[peer] for peer in LIMITS if peer in results}
-
-
-def result_of(runs: Sequence[Run], optimum: Values, missing: str = renderers.MISSING) -> Result:
-    """The shortest time to the optimum; if none gets there, how far the nearest is from it.
+def figures(
+    case: str, peer: str, of_matest: float, runs: Sequence[Trace], optimum: Values, missing: str, judged: bool = True
+) -> Iterator[Record]:
+    """The shortest time of a peer to the optimum, and as a multiple of matest's; without one, the reason.
 
     Args:
-        runs: of one solver.
+        case, peer: in the records.
+        of_matest: matest's seconds.
+        runs: of the peer.
         optimum: of the likelihood.
         missing: why there is no run, if there is none.
+        judged: whether the limit holds.
     """
-    if not runs:
-        return Result(None, missing)
+    ratio, limit = None, LIMITS[peer] if judged else None
     # A run that is there when its time is up counts, though it has not shown that it stays.
-    arrivals = [(arrived, run) for run in runs if (arrived := run.trace.arrival(optimum)) is not None]
-    if arrivals:
-        seconds, run = min(arrivals, key=lambda one: one[0])
-        return Result(seconds, run.note, rate=run.rate)
-    off, spent = min((distance(run.trace.values[-1], optimum), run.trace.seconds[-1]) for run in runs)
-    return Result(None, f"never within {CLOSE:.0%} to stay: {off:.2g} off after {spent:.3g} s", spent)
-
-
-def _compared(expression: str, peer: str, seconds: float, result: Result, size: Size) -> Iterator[Record]:
-    yield Record("peers", expression, peer, result.seconds, "s", note=result.note)
-    ratio, note = None, result.note
-    if result.seconds is not None:
-        ratio = result.seconds / seconds
-    elif result.spent:
-        ratio, note = result.spent / seconds, f"at least: {note}"
-    limit = LIMITS[peer] if size.judged else None
-    yield Record("peers", expression, f"{peer} / matest", ratio, "1", "higher", limit, note)
+    if (best := soonest(runs, optimum)) is not None:
+        seconds, run = best
+        yield Record("peers", case, peer, seconds, "s", note=run.account)
+        ratio, note = seconds / of_matest, run.account
+    elif not runs:
+        yield Record("peers", case, peer, None, "s", note=missing)
+        note = missing
+    elif peer == "mitsuba, compiling":
+        # What compiling adds to never is left out.
+        return
+    else:
+        off, spent = min((distance(run.values[-1], optimum), run.seconds[-1]) for run in runs)
+        never = f"never within {CLOSE:.0%} to stay: {off:.2g} off after {spent:.3g} s"
+        yield Record("peers", case, peer, None, "s", note=never)
+        ratio, note = spent / of_matest, f"at least: {never}"
+    yield Record("peers", case, f"{peer} / matest", ratio, "1", "higher", limit, note)
 
 
 def table(found: Sequence[Record]) -> Group:
@@ -216,7 +168,7 @@ def table(found: Sequence[Record]) -> Group:
         f"{largest(found, 'samples'):,} samples of {IMAGES} photographs of a sphere: time until every parameter stays "
         f"within {CLOSE:.0%} of the optimum of the likelihood. Peers get the samples with their geometry and true "
         "noise, and start in the middle of the domain; matest starts from the photographs in memory, with --precision "
-        f"{CLOSE / 3:.2g}. Adam: torch's with the best learning rate; l-bfgs: torch's; least_squares: scipy's; "
+        f"{_PRECISION:.2g}. Adam: torch's with the best learning rate; l-bfgs: torch's; least_squares: scipy's; "
         "compiled: by torch, before the clock starts. Levenberg-Marquardt: written by hand for the one model, with its "
         "Jacobian; dr.jit: the same as one fused kernel. mitsuba: its tutorials' render and Adam. Compiling: with what "
         "the first run compiles; prepared: without what is computed once."

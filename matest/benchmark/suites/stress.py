@@ -14,8 +14,7 @@ from torch import Tensor
 from matest.benchmark.instruments import precision
 from matest.benchmark.instruments.adversarial import direction_pairs, parameter_values
 from matest.benchmark.instruments.passes import heavy
-from matest.benchmark.record import Progress, Record
-from matest.benchmark.suite import Effort, Suite
+from matest.benchmark.suite import Effort, Progress, Record, Suite
 from matest.benchmark.tables import by_case, case_name, figure, largest, page, ruled
 from matest.brdf import MODELS, Brdf, model, variants
 from matest.progress import silent

@@ -11,9 +11,8 @@ from rich.console import RenderableType
 from rich.text import Text
 from torch import Tensor
 
-from matest.benchmark.instruments.passes import element_wise, seconds
-from matest.benchmark.instruments.timing import TILE, forward, random_directions
-from matest.benchmark.record import Progress, Record
+from matest.benchmark.instruments.passes import TILE, element_wise, forward, random_directions, seconds
+from matest.benchmark.suite import Progress, Record
 from matest.benchmark.tables import by_case, case_name, figure, ruled
 from matest.brdf import Brdf, LiTorrance, model, preset
 from matest.estimation.options import Options
@@ -43,11 +42,20 @@ _HE_TORRANCE = {
 }
 # Li-Torrance with the components that a sample needs, against Cook-Torrance, at most.
 COST_LIMIT = 2.0
-UNIT, RIVAL, OURS, REFERENCE = "blinn-phong", "cook-torrance", "li-torrance", "he-torrance"
-CASE, WITHOUT = "table 4: ", "li-torrance without "
+# The model whose cost is the unit, the one that ours is held to, and the one that ours approximates.
+UNIT = "blinn-phong"
+RIVAL = "cook-torrance"
+OURS = "li-torrance"
+REFERENCE = "he-torrance"
+# What the names of the records' cases begin with.
+CASE = "table 4: "
+WITHOUT = "li-torrance without "
 # He and Torrance's series is timed on so much fewer pairs.
 _SLOW_SHARE = 100
-_LIGHTS, _VIEWS = (20, 40, 50, 70), 1500
+# Degrees from the normal of the lights that a sample is measured under.
+_LIGHTS = (20, 40, 50, 70)
+# Views near the mirror direction, and as many anywhere, of each light.
+_VIEWS = 1500
 _ALL = "uniform=on,subsurface=on,forward=on,coherent=on"
 # A component (or masking), the model with all, and that without it.
 DROPPED = {
