@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from matest.benchmark.instruments.optimum import excess
-from matest.benchmark.instruments.simulated import draw
+from matest.benchmark.instruments.trial import draw
 from matest.identifiability.forecast import unknowns_at
 
 

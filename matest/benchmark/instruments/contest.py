@@ -50,12 +50,10 @@ class Contest:
 
     @property
     def expression(self) -> str:
-        """Of the model."""
         return self.subject.material.expression
 
     @property
     def truth(self) -> Values:
-        """Value of every parameter."""
         return self.subject.material.parameters
 
     @property
@@ -84,13 +82,7 @@ def sphere_of(expression: str, size: int) -> Contest:
 
 
 def contest_of(material: Brdf, surface: Surface, fix: Sequence[str], start: Mapping[str, float | Tensor]) -> Contest:
-    """Photograph an object of a material.
-
-    Args:
-        material, surface: the truth.
-        fix: names of the parameters that nobody has to find.
-        start: where rivals start, for every unknown.
-    """
+    """Photograph an object; rivals start at `start`, and nobody has to find the parameters that `fix` names."""
     photographed = subject(surface, ring(IMAGES), material, _SENSOR)
     capture = photographed.photograph()
     samples = capture.samples()

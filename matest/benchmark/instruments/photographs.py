@@ -32,7 +32,7 @@ from matest.scene.camera import Camera
 from matest.scene.mesh import Mesh
 from matest.scene.surface import from_mesh, from_sphere
 from matest.shading import render_image
-from matest.simulate import simulate, stored_pixels
+from matest.simulate import expose, simulate, stored_pixels
 
 # Irradiance of a surface facing a light.
 IRRADIANCE = 3.0
@@ -110,17 +110,19 @@ class Subject:
     radiance: tuple[np.ndarray, ...]
 
     @property
-    def scale(self) -> float:
-        """Radiance of full scale."""
+    def encoding(self) -> Encoding:
+        """From pixels to radiance, exposed as the sensor is to be."""
         sensor, share = self.sensor, self.sensor.conditions.saturated
-        if not share:
-            return max(float(image.max()) for image in self.radiance) / (sensor.exposed - sensor.black)
-        brightest = np.concatenate([image.max(axis=1) for image in self.radiance])
-        return float(np.quantile(brightest[brightest > 0], 1 - share)) / (SATURATION - sensor.black)
+        if share:
+            brightest = np.concatenate([image.max(axis=1) for image in self.radiance])
+            level, place = np.quantile(brightest[brightest > 0], 1 - share), SATURATION
+        else:
+            level, place = max(image.max() for image in self.radiance), sensor.exposed
+        return Encoding(scale=float(level) / (place - sensor.black), black=sensor.black, saturation=SATURATION)
 
     def ideal(self) -> Capture:
         """Without noise, rounding, outliers and clipping; but pixels that would be saturated count as such."""
-        encoding = self._encoding()
+        encoding = self.encoding
         pixels = [(image / encoding.scale + encoding.black).astype(np.float32) for image in self.radiance]
         return self._capture(pixels, encoding)
 
@@ -128,11 +130,9 @@ class Subject:
         """As the sensor stores it. The same subject gives the same pixels every time."""
         sensor, conditions = self.sensor, self.sensor.conditions
         generator = np.random.default_rng([crc32(self.material.expression.encode()), self.seed, conditions.bits])
-        encoding, stored = self._encoding(), []
+        encoding, stored = self.encoding, []
         for image in self.radiance:
-            signal = image / encoding.scale
-            spread = np.sqrt(sensor.noise.read**2 + sensor.noise.gain * signal)
-            pixels = signal + sensor.black + spread * generator.standard_normal(signal.shape)
+            pixels = expose(image, 1.0, encoding, sensor.noise, generator)
             stray = generator.random(len(pixels)) < conditions.outliers
             pixels[stray] = generator.random((int(stray.sum()), pixels.shape[1]))
             stored.append(stored_pixels(pixels, encoding, conditions.bits))
@@ -153,9 +153,6 @@ class Subject:
         clean = 1 - self.sensor.conditions.outliers
         information = accumulate(problem, truth, tiles, truth).information * clean
         return fisher(information, torch.ones(problem.size, dtype=torch.bool))
-
-    def _encoding(self) -> Encoding:
-        return Encoding(scale=self.scale, black=self.sensor.black, saturation=SATURATION)
 
     def _capture(self, stored: Sequence[np.ndarray], encoding: Encoding) -> Capture:
         dtype = np.dtype(np.uint8 if self.sensor.conditions.bits == 8 else np.uint16)
@@ -181,13 +178,7 @@ def subject(
     channels: int = 3,
     seed: int = 1,
 ) -> Subject:
-    """Put an object before a sensor, under one light a photograph.
-
-    Args:
-        surface, material, sensor, seed: as of the subject.
-        lights: unit vectors to them [K, 3].
-        channels: of the photographs.
-    """
+    """Put an object before a sensor, under one light a photograph: unit vectors toward them [K, 3]."""
     irradiance = torch.full((channels,), IRRADIANCE, dtype=torch.float64)
     lamps = tuple((DirectionalLight(torch.from_numpy(toward), irradiance),) for toward in lights)
     scene = Scene(surface, lamps, torch.zeros(len(lamps), channels, dtype=torch.float64)).with_shadows()
@@ -204,12 +195,9 @@ def material_of(expression: str) -> Brdf:
 
 @contextmanager
 def in_files(expression: str, *, images: int, size: int) -> Iterator[Path]:
-    """A folder, while it is needed, with photographs of a sphere: 16-bit RGB PNG, camera noise, one light an image.
+    """A folder, while it is needed, with so many photographs, of `size`×`size` pixels, of a sphere of a material.
 
-    Args:
-        expression: of the model; the material is `MATERIALS[expression]`.
-        images: their number.
-        size: of the square images in pixels.
+    They are 16-bit RGB PNG with camera noise, each under one light.
     """
     scene = {
         "material": {"model": expression, **MATERIALS[expression]},
