@@ -51,14 +51,9 @@ SELECTED: dict[str, tuple[Kind, float | None]] = {
 
 
 class Figure(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One figure of the baseline.
+    """One figure of the baseline, named as its record, and by how much, relative, it may be worse.
 
-    Attributes:
-        suite, case, metric: as in the record.
-        value: at the time of writing.
-        better: which way is better.
-        tolerance: by how much it may be worse, relative.
-        kind: "accuracy", or "cost" of time and memory, which depends on the machine and what else it does.
+    A cost, of time and memory, depends on the machine and what else it does; accuracy does not.
     """
 
     suite: str
@@ -163,11 +158,9 @@ def figures_of(records: Sequence[Record]) -> Iterator[Figure]:
 
 
 def statistical(record: Record, of_case: Mapping[str, float]) -> float:
-    """The relative 95 % error of a figure toward worse values.
+    """The relative 95 % error, toward worse values, of a pooled error, a share, a number of captures or an exponent.
 
-    Args:
-        record: a pooled error with its interval, a share, a number of captures or an exponent.
-        of_case: all figures of its case, by metric.
+    `of_case` has all figures of its case by metric, the ends of its interval among them.
     """
     value, metric = record.value or 0.0, record.metric
     if not value:
@@ -185,14 +178,7 @@ def statistical(record: Record, of_case: Mapping[str, float]) -> float:
 
 
 def main(file: str) -> None:
-    """Replace the figures of the baseline for the suites of a run, quick or full, by those of the run.
-
-    Args:
-        file: the output of `matest benchmark --json`.
-
-    Raises:
-        InputError: bad records, bad baseline.
-    """
+    """Replace the figures of the baseline for the suites of a run, quick or full, by those of its records in a file."""
     records = records_of(Path(file))
     old = read() if PATH.exists() else Baseline()
     quick, measured = is_quick(records), {record.suite for record in records}

@@ -67,14 +67,7 @@ def gate_table(figures: Sequence[Figure], failed: Sequence[Worse]) -> Renderable
 
 
 def main(file: str) -> None:
-    """Show the records of all suites and hold their accuracy to the baseline.
-
-    Args:
-        file: the output of `matest benchmark --json`. Exit code 1 if a figure is worse, or missing.
-
-    Raises:
-        InputError: bad records, bad baseline.
-    """
+    """Show the records in a file and hold their accuracy to the baseline; exit code 1 if any is worse or missing."""
     records = records_of(Path(file))
     figures = expected(is_quick(records), SUITES, ("accuracy",))
     terminal = Console(highlight=False)

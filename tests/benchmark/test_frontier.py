@@ -70,7 +70,7 @@ def test_table_fits_and_says_what_is_missing_and_where_matest_loses(records: lis
 
 
 def test_copper_is_compared_whichever_lobe_comes_first() -> None:
-    case = frontier.CASES["copper vase"][0](SIZE)
+    case = frontier.CASES["copper vase"](SIZE)
     yardstick = curves.Yardstick(case.truth, case.bound(), case.truth)
     swapped = {
         **case.truth,
@@ -83,7 +83,7 @@ def test_copper_is_compared_whichever_lobe_comes_first() -> None:
 
 
 def test_bounds_of_paper_are_of_what_light_from_the_viewer_s_side_shows() -> None:
-    case = frontier.CASES["laser-paper sphere"][0](SIZE)
+    case = frontier.CASES["laser-paper sphere"](SIZE)
     bound = case.bound()
     assert set(bound) == {"k_uds", "k_dd", "correlation_length"} == set(case.task.free)
     assert all(bool((std < 0.1 * case.truth[name]).all()) for name, std in bound.items())
@@ -91,6 +91,6 @@ def test_bounds_of_paper_are_of_what_light_from_the_viewer_s_side_shows() -> Non
 
 @pytest.mark.parametrize("name", list(frontier.CASES))
 def test_no_pixel_that_peers_get_is_clipped(name: str) -> None:
-    photographs = frontier.CASES[name][0](SIZE).capture.photographs
+    photographs = frontier.CASES[name](SIZE).capture.photographs
     saturated = photographs.encoding.saturated
     assert all(image.min() > 0 and not saturated(image).any() for image in photographs.stored)

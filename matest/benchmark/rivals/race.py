@@ -10,7 +10,6 @@ from matest.benchmark.instruments.contest import GLOSSY, Contest
 from matest.benchmark.instruments.passes import no_compiler, timed
 from matest.benchmark.instruments.task import CLOSE, Trace, Values
 from matest.benchmark.rivals import hand_written, renderers, solvers
-from matest.benchmark.rivals.hand_written import Prepare
 from matest.benchmark.suite import Effort, Progress
 
 # Samples a step of Adam on mini-batches.
@@ -25,18 +24,16 @@ class Rules:
 
     Attributes:
         rates: Adam's learning rates, the most promising first.
-        patience: seconds after which a run of a solver in this process ends, by its name.
+        rounds: runs of solvers that have none.
         of_mitsuba: seconds after which a run of Mitsuba ends.
-        rounds: runs of solvers that have no learning rate.
         close: relative distance from the optimum at which Adam has arrived.
         hurry: whether runs of Adam end that take much longer than its best so far.
         compiles: whether torch also compiles what Adam and L-BFGS evaluate.
     """
 
     rates: tuple[float, ...]
-    patience: Callable[[str], float]
-    of_mitsuba: float
     rounds: int
+    of_mitsuba: float
     close: float = CLOSE
     hurry: bool = True
     compiles: bool = False
@@ -46,8 +43,8 @@ def race(
     case: str,
     contest: Contest,
     optimum: Values,
-    prepare: Prepare | None,
     rules: Rules,
+    patience: Callable[[str], float],
     effort: Effort,
     progress: Progress,
 ) -> Iterator[tuple[str, list[Trace], str]]:
@@ -56,16 +53,14 @@ def race(
     A solver runs once before, uncounted: what a process loads and prepares once counts for nobody.
 
     Args:
-        case: the contest's name, for the progress.
-        contest: what they are given.
-        optimum: of the likelihood.
-        prepare: the model for the Levenberg-Marquardt solver written by hand, if there is one.
-        rules: how they race.
-        effort: names them.
+        case: for the progress.
+        contest, optimum: what they are given, and its likelihood's optimum.
+        rules, effort: how, and who races.
+        patience: seconds after which a run of a solver in this process ends, by its name.
         progress: called before each.
     """
     task = contest.task
-    done: dict[str, list[Trace]] = {}
+    runs: dict[str, list[Trace]] = {}
 
     def adam(batch: int | None, patience: float) -> list[Trace]:
         solvers.adam(task, batch, rules.rates[0], lambda _: True)
@@ -77,7 +72,7 @@ def race(
         return [once() for _ in range(rules.rounds)]
 
     def compiled_adam(patience: float) -> list[Trace]:
-        best = soonest(done["adam"], optimum)
+        best = soonest(runs["adam"], optimum)
         rate = best[1].rate if best is not None else None
         until = partial(solvers.finished, optimum=optimum, limit=patience)
         return _compiled(partial(solvers.adam, task, None, rate or rules.rates[0], until))
@@ -88,20 +83,20 @@ def race(
         "l-bfgs": lambda patience: repeated(partial(solvers.lbfgs, task, patience=patience)),
         "least_squares": lambda patience: repeated(partial(solvers.least_squares, task, patience=patience)),
     }
-    if prepare is not None:
-        every["levenberg-marquardt"] = lambda _: repeated(partial(hand_written.levenberg_marquardt, task, prepare))
+    if contest.expression in hand_written.MODELS:
+        every["levenberg-marquardt"] = lambda _: repeated(partial(hand_written.levenberg_marquardt, task))
     if rules.compiles:
         every["adam, compiled"] = compiled_adam
         every["l-bfgs, compiled"] = lambda patience: _compiled(partial(solvers.lbfgs, task, patience=patience))
     for name, once in every.items():
         if effort.races(name):
             progress(f"{case}: {name}")
-            done[name] = once(rules.patience(name))
-            yield name, done[name], no_compiler()
+            runs[name] = once(patience(name))
+            yield name, runs[name], no_compiler()
     if contest.expression == GLOSSY and effort.races("mitsuba, dr.jit"):
         progress(f"{case}: mitsuba, dr.jit")
-        runs = renderers.race_of_sphere(contest.subject.scene.surface.shape[0], rules.of_mitsuba)
-        yield from ((name, runs[name], renderers.MISSING) for name in runs)
+        rendered = renderers.race_of_sphere(contest.subject.scene.surface.shape[0], rules.of_mitsuba)
+        yield from ((name, several, renderers.MISSING) for name, several in rendered.items())
 
 
 def _compiled(once: Callable[..., Trace]) -> list[Trace]:

@@ -15,7 +15,7 @@ import torch
 from matest.benchmark.instruments.contest import GLOSSY, Contest, sphere_of
 from matest.benchmark.instruments.task import CLOSE, Task, Trace, Values
 from matest.benchmark.rivals import drjit_solver, mitsuba_tutorial
-from matest.benchmark.rivals.hand_written import cook_torrance_smith, optimum
+from matest.benchmark.rivals.hand_written import optimum
 from matest.benchmark.rivals.solvers import tuned
 from matest.workers import processes
 
@@ -41,7 +41,7 @@ Runs = dict[str, list[Trace]]
 def race_of_sphere(size: int, patience: float) -> Runs:
     """`race` on a glossy sphere, which takes minutes: run once for all suites that show it."""
     contest = sphere_of(GLOSSY, size)
-    return race(contest, optimum(contest.task, contest.truth, cook_torrance_smith), patience, STILL)
+    return race(contest, optimum(contest.task, contest.truth), patience, STILL)
 
 
 def race(contest: Contest, best: Values, patience: float, close: float = CLOSE) -> Runs:

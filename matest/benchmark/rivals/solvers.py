@@ -68,9 +68,7 @@ def adam(task: Task, batch: int | None, rate: float, done: Done, *, compiled: bo
     """Adam at a learning rate, until `done`, which is asked after every step.
 
     Args:
-        task: what is fitted.
         batch: samples a step, in random order; None: all.
-        rate, done: see above.
         compiled: whether torch compiles the cost of all samples, before the clock starts.
     """
     module = _module(task)
@@ -92,13 +90,7 @@ def adam(task: Task, batch: int | None, rate: float, done: Done, *, compiled: bo
 
 
 def lbfgs(task: Task, *, compiled: bool = False, patience: float = math.inf) -> Trace:
-    """L-BFGS with strong-Wolfe line search; at any time it hands over what had the lowest cost.
-
-    Args:
-        task: what is fitted.
-        compiled: as of `adam`.
-        patience: seconds after which it ends.
-    """
+    """L-BFGS with strong-Wolfe line search, for so many seconds; its results are those of the lowest cost yet."""
     module = _module(task)
     cost = _cost(task, module, compiled)
     trace = Trace()
@@ -122,12 +114,7 @@ def lbfgs(task: Task, *, compiled: bool = False, patience: float = math.inf) -> 
 
 
 def least_squares(task: Task, *, patience: float = math.inf) -> Trace:
-    """scipy's trust-region reflective solver with bounds and the Jacobian of torch's forward mode.
-
-    Args:
-        task: what is fitted.
-        patience: seconds after which it ends.
-    """
+    """scipy's trust-region reflective solver, for so many seconds, with the Jacobian of torch's forward mode."""
     from scipy.optimize import least_squares as solve
 
     trace, dtype = Trace(), task.radiance.dtype

@@ -58,15 +58,15 @@ def stages_of(expression: str, folder: Path, rounds: int, progress: Progress, li
     yield Record("estimate", expression, "fit / decode", fit / decoded, "1", limit=limit, note=note)
 
 
-def table(found: Sequence[Record]) -> Group:
+def table(records: Sequence[Record]) -> Group:
     """Stages of every estimate, and the fit against decoding."""
-    stages = listed("seconds", ("decode", *STAGES, "first fit", "fit / decode"), by_case(found))
+    stages = listed("seconds", ("decode", *STAGES, "first fit", "fit / decode"), by_case(records))
     about = (
-        f"{largest(found, 'photographs')} photographs, 16-bit RGB PNG, {largest(found, 'samples'):,} samples. Decode: "
-        "OpenCV alone; read: the same by matest, which keeps the object's pixels; geometry: normals, rays, directions; "
-        "fit: everything else up to the answer. First fit: of the process."
+        f"{largest(records, 'photographs')} photographs, 16-bit RGB PNG, {largest(records, 'samples'):,} samples. "
+        "Decode: OpenCV alone; read: the same by matest, which keeps the object's pixels; geometry: normals, rays, "
+        "directions; fit: everything else up to the answer. First fit: of the process."
     )
-    return page(about, stages, records=found)
+    return page(about, stages, records=records)
 
 
 SUITE = Suite(measure, table)

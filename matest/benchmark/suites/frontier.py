@@ -16,8 +16,7 @@ from matest.benchmark.instruments.curves import Curve, Yardstick
 from matest.benchmark.instruments.passes import timed
 from matest.benchmark.instruments.photographs import sphere, vase
 from matest.benchmark.instruments.task import CLOSE, Trace, Values
-from matest.benchmark.rivals import hand_written, renderers
-from matest.benchmark.rivals.hand_written import Prepare
+from matest.benchmark.rivals import renderers
 from matest.benchmark.rivals.race import Rules, race
 from matest.benchmark.suite import Effort, Progress, Record, Suite
 from matest.benchmark.tables import by_case, case_name, figure, ruled
@@ -72,37 +71,40 @@ def _paper_sphere(size: int) -> Contest:
     return contest_of(preset("laser-paper"), sphere(size), ["f0", "height_rms", "k_fs"], start)
 
 
-# Of every scene the contest, from the size of its images, and the model for the Levenberg-Marquardt solver written by
-# hand, if there is one.
-CASES: dict[str, tuple[Callable[[int], Contest], Prepare | None]] = {
-    "oren-nayar vase": (_rough_vase, hand_written.oren_nayar),
-    "cook-torrance sphere": (partial(sphere_of, GLOSSY), hand_written.cook_torrance_smith),
-    "copper vase": (_copper_vase, None),
-    "laser-paper sphere": (_paper_sphere, None),
+# Of every scene the contest, from the size of its images.
+CASES: dict[str, Callable[[int], Contest]] = {
+    "oren-nayar vase": _rough_vase,
+    "cook-torrance sphere": partial(sphere_of, GLOSSY),
+    "copper vase": _copper_vase,
+    "laser-paper sphere": _paper_sphere,
 }
 
 
 def measure(effort: Effort, progress: Progress) -> Iterator[Record]:
     """Records of every scene; of the first alone in a quick run."""
-    of_adam = PATIENCE_QUICK if effort.quick else PATIENCE
     rules = Rules(
         rates=RATES[:1] if effort.quick else RATES,
-        patience=lambda solver: of_adam if solver.startswith("adam") else math.inf,
-        of_mitsuba=renderers.PATIENCE_QUICK if effort.quick else renderers.PATIENCE,
         rounds=ROUNDS,
+        of_mitsuba=renderers.PATIENCE_QUICK if effort.quick else renderers.PATIENCE,
         close=renderers.STILL,
         hurry=False,
     )
-    for name, (make, prepare) in list(CASES.items())[: 1 if effort.quick else None]:
+
+    def patience(solver: str) -> float:
+        seconds = PATIENCE_QUICK if effort.quick else PATIENCE
+        return seconds if solver.startswith("adam") else math.inf
+
+    for name, make in list(CASES.items())[: 1 if effort.quick else None]:
         contest = make(SIZE_QUICK if effort.quick else SIZE)
         yield Record("frontier", name, "samples", len(contest.task.radiance), "1", "higher")
         progress(f"{name}: matest")
-        own, yardstick = _matest(contest, effort.quick)
-        yield from figures(name, "matest", own, own)
-        for solver, runs, missing in race(name, contest, yardstick.optimum, prepare, rules, effort, progress):
+        of_matest, yardstick = _matest(contest, effort.quick)
+        yield from figures(name, "matest", of_matest, of_matest)
+        for solver, runs, missing in race(name, contest, yardstick.optimum, rules, patience, effort, progress):
             if solver not in UNDRAWN:
                 note = "compiled before" if solver in renderers.NAMES else ""
-                yield from figures(name, solver, curve_of(runs, yardstick, note) if runs else Curve(note=missing), own)
+                curve = curve_of(runs, yardstick, note) if runs else Curve(note=missing)
+                yield from figures(name, solver, curve, of_matest)
 
 
 def _matest(contest: Contest, quick: bool) -> tuple[Curve, Yardstick]:
@@ -132,13 +134,13 @@ def curve_of(runs: Sequence[Trace], yardstick: Yardstick, note: str = "") -> Cur
     return Curve([yardstick.run(run) for run in runs], note or f"learning rates {rates}, the best at every time")
 
 
-def figures(case: str, estimator: str, curve: Curve, own: Curve) -> Iterator[Record]:
+def figures(case: str, estimator: str, curve: Curve, of_matest: Curve) -> Iterator[Record]:
     """Times to equal errors, the error at the end, and the points of the curve."""
     for what, (quantity, limit) in EQUAL.items():
-        taken, of_matest = curve.arrival(quantity, limit), own.arrival(quantity, limit)
+        taken, reference = curve.arrival(quantity, limit), of_matest.arrival(quantity, limit)
         yield Record("frontier", case, f"{estimator}: {what}", taken, "s", note=curve.note)
         if estimator != "matest":
-            ratio = None if taken is None or of_matest is None else taken / of_matest
+            ratio = None if taken is None or reference is None else taken / reference
             yield Record("frontier", case, f"{estimator}: {what} / matest", ratio, "1", "higher", SLOWER, curve.note)
     yield Record("frontier", case, f"{estimator}{_END}", curve.end, "1", note=curve.note)
     for number, (seconds, error) in enumerate(curve.points()):
@@ -146,11 +148,11 @@ def figures(case: str, estimator: str, curve: Curve, own: Curve) -> Iterator[Rec
         yield Record("frontier", case, f"{estimator}: point {number}, error", error, "1")
 
 
-def table(found: Sequence[Record]) -> Group:
+def table(records: Sequence[Record]) -> Group:
     """Seconds to equal errors, times matest's, and errors at the end; then where matest loses."""
     times = ruled("", "to 2 ×\nthe bound", "times\nmatest's", "to 1 %", "times\nmatest's", "error at\nthe end")
     losses, missing = [], {}
-    for case, metrics in by_case(found).items():
+    for case, metrics in by_case(records).items():
         times.add_row(case_name(case))
         for solver in (name.removesuffix(_END) for name in metrics if name.endswith(_END)):
             end = metrics[f"{solver}{_END}"]

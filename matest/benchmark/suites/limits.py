@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import torch
@@ -26,8 +26,7 @@ SIZE = 384
 ROUNDS = 5
 
 
-@dataclass(frozen=True)
-class Limits:
+class Limits(NamedTuple):
     """Limits of the machine, in seconds.
 
     Attributes:
@@ -74,16 +73,16 @@ def measure(effort: Effort, progress: Progress) -> Iterator[Record]:
     yield Record("limits", "machine", "pass in one call", 1e9 * limits.whole, "ns")
 
 
-def table(found: Sequence[Record]) -> Group:
+def table(records: Sequence[Record]) -> Group:
     """The limits in one row."""
     heads = ("memory\nGB/s", "decoding\nns a pixel", "pass in tiles\nns a number", "in one call\nns a number")
     limits = ruled("processors", *heads)
-    limits.add_row(*map(figure, by_case(found)["machine"].values()))
+    limits.add_row(*map(figure, by_case(records)["machine"].values()))
     about = (
         "What this machine can do at best, measured in this run: copying a large array; decoding 16-bit RGB PNG with "
         "OpenCV; one element-wise product of two tensors."
     )
-    return page(about, limits, records=found)
+    return page(about, limits, records=records)
 
 
 SUITE = Suite(measure, table)

@@ -69,11 +69,11 @@ def peak(folder: Path, expression: str) -> float:
     return int(subprocess.run(command, check=True, capture_output=True, text=True).stdout) * 1024 / 1e6
 
 
-def table(found: Sequence[Record]) -> Group:
+def table(records: Sequence[Record]) -> Group:
     """Both peaks and their difference."""
-    megabytes = listed("megabytes", (f"peak of {FEW}", f"peak of {FEW * TIMES}", "growth"), by_case(found))
+    megabytes = listed("megabytes", (f"peak of {FEW}", f"peak of {FEW * TIMES}", "growth"), by_case(records))
     about = f"Peak memory of reading and estimating {FEW} and {FEW * TIMES} photographs; limit of growth {LIMIT:g} MB."
-    return page(about, megabytes, records=found)
+    return page(about, megabytes, records=records)
 
 
 SUITE = Suite(measure, table)

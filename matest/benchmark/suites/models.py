@@ -100,9 +100,9 @@ def times_of(expression: str, pairs: int, compiled: bool) -> Iterator[Record]:
             yield Record("models", expression, "compiled forward", None, "pass", note=note)
 
 
-def table(found: Sequence[Record]) -> Group:
+def table(records: Sequence[Record]) -> Group:
     """Times of every model: tile by tile, in one call, compiled; then its element-wise passes; then Table 4."""
-    cases = by_case([record for record in found if not record.case.startswith((table4.CASE, table4.WITHOUT))])
+    cases = by_case([record for record in records if not record.case.startswith((table4.CASE, table4.WITHOUT))])
     threads = cases.pop("all")["threads"].value
     times = ruled("", "forward\nns", "forward\npasses", "+backward\nns", "+backward\npasses", "ratio")
     passes = ruled("", "passes", "time\nper pass", "time /\nown passes")
@@ -114,15 +114,16 @@ def table(found: Sequence[Record]) -> Group:
                 times.add_row(f"  {mode}", *map(figure, row))
         passes.add_row(case_name(case), *(figure(metrics[metric]) for metric in _PASSES))
     about = (
-        f"{largest(found, 'pairs'):,} pairs of directions (a tenth for sums over facets), float32, threads: {threads}. "
-        "Per pair: forward is the value, +backward also its gradient by the parameters, ratio the second to the first. "
-        f"A pass is one element-wise product of two tensors, in the same tiles of {TILE:,} (tiled) or whole."
+        f"{largest(records, 'pairs'):,} pairs of directions (a tenth for sums over facets), float32, "
+        f"threads: {threads}. Per pair: forward is the value, +backward also its gradient by the "
+        f"parameters, ratio the second to the first. A pass is one element-wise product of two tensors, "
+        f"in the same tiles of {TILE:,} (tiled) or whole."
     )
     legend = (
         "Passes: numbers that operations write, per pair. Time per pass: tiled forward / (passes × the pass above). "
         "Own passes: the time of the same operations alone."
     )
-    return page(about, times, "", Text(legend), "", passes, *table4.tables(found), records=found)
+    return page(about, times, "", Text(legend), "", passes, *table4.tables(records), records=records)
 
 
 SUITE = Suite(measure, table, share=200)

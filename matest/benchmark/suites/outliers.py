@@ -29,13 +29,13 @@ def again(expression: str, seed: int) -> str:
     return trial.again(expression, seed, SPOILT, grid=False)
 
 
-def table(found: Sequence[Record]) -> Group:
+def table(records: Sequence[Record]) -> Group:
     """Pooled errors and coverage with their intervals; then parameter by parameter."""
     conditions = (
         f"8-bit images, {SPOILT.outliers:.0%} of the pixels outliers, {SPOILT.saturated:.0%} saturated. Limits: error "
         f"{TARGETS.error:g} (bound of the clean samples), coverage {TARGETS.lowest_coverage:g}."
     )
-    return pooled_table(found, conditions)
+    return pooled_table(records, conditions)
 
 
 SUITE = Suite(measure, table, share=120)

@@ -39,11 +39,6 @@ LIMITS = {
     "dr.jit, prepared": None,
     "dr.jit, compiling": None,
 }
-HAND_WRITTEN = {
-    "oren-nayar": hand_written.oren_nayar,
-    "cook-torrance": hand_written.cook_torrance,
-    GLOSSY: hand_written.cook_torrance_smith,
-}
 # Adam's learning rates, the best of most runs first.
 _RATES = (0.1, 0.3, 0.03, 0.01)
 
@@ -54,27 +49,23 @@ class Size:
 
     Attributes:
         pixels: on a side of the images.
-        models: that are raced.
-        rates: learning rates of Adam that are tried; what the search costs is not counted.
+        rules: of the race; what the search for the best learning rate costs is not counted.
         patience: seconds after which a run of Adam, L-BFGS or scipy ends.
-        of_mitsuba: seconds after which a run of Mitsuba ends.
-        compiles: whether torch also compiles what Adam and L-BFGS evaluate.
+        models: that are raced.
         judged: whether limits hold.
     """
 
     pixels: int
-    models: tuple[str, ...] = tuple(HAND_WRITTEN)
-    rates: tuple[float, ...] = _RATES
+    rules: Rules
     patience: float = 60.0
-    of_mitsuba: float = renderers.PATIENCE
-    compiles: bool = True
+    models: tuple[str, ...] = tuple(hand_written.MODELS)
     judged: bool = True
 
 
 # Photographs of a megapixel, as those that estimates are timed on; smaller ones in the run of all suites.
-FULL = Size(1024, of_mitsuba=300.0)
-SHARED = Size(256)
-QUICK = Size(64, ("oren-nayar", GLOSSY), _RATES[:1], 1.5, renderers.PATIENCE_QUICK, compiles=False, judged=False)
+FULL = Size(1024, Rules(_RATES, ROUNDS, of_mitsuba=300.0, compiles=True))
+SHARED = Size(256, Rules(_RATES, ROUNDS, renderers.PATIENCE, compiles=True))
+QUICK = Size(64, Rules(_RATES[:1], ROUNDS, renderers.PATIENCE_QUICK), 1.5, ("oren-nayar", GLOSSY), judged=False)
 
 
 def measure(effort: Effort, progress: Progress) -> Iterator[Record]:
@@ -92,8 +83,7 @@ def measure(effort: Effort, progress: Progress) -> Iterator[Record]:
 def compare(contest: Contest, size: Size, effort: Effort, progress: Progress) -> Iterator[Record]:
     """Times of matest and of every peer, all after a first run that is not counted."""
     case = contest.expression
-    prepare = HAND_WRITTEN[case]
-    optimum = hand_written.optimum(contest.task, contest.truth, prepare)
+    optimum = hand_written.optimum(contest.task, contest.truth)
     yield Record("peers", case, "samples", len(contest.task.radiance), "1", "higher")
     progress(f"{case}: matest")
     seconds, off = _matest(contest, optimum)
@@ -104,8 +94,7 @@ def compare(contest: Contest, size: Size, effort: Effort, progress: Progress) ->
     def patience(peer: str) -> float:
         return min(size.patience, _MARGIN * (LIMITS[peer] or math.inf) * seconds)
 
-    rules = Rules(size.rates, patience, size.of_mitsuba, ROUNDS, compiles=size.compiles)
-    for peer, runs, missing in race(case, contest, optimum, prepare, rules, effort, progress):
+    for peer, runs, missing in race(case, contest, optimum, size.rules, patience, effort, progress):
         yield from figures(case, peer, seconds, runs, optimum, missing, size.judged)
 
 
@@ -152,10 +141,10 @@ def figures(
     yield Record("peers", case, f"{peer} / matest", ratio, "1", "higher", limit, note)
 
 
-def table(found: Sequence[Record]) -> Group:
+def table(records: Sequence[Record]) -> Group:
     """Seconds of everyone, and how many times as long each peer takes as matest."""
     times = ruled("", "seconds", "times\nmatest's", "limit")
-    for case, metrics in by_case(found).items():
+    for case, metrics in by_case(records).items():
         times.add_row(case_name(case))
         times.add_row("  matest", figure(metrics["matest"]))
         for peer in (peer for peer in LIMITS if peer in metrics):
@@ -165,15 +154,15 @@ def table(found: Sequence[Record]) -> Group:
                 ratio = Text("> ").append_text(ratio)
             times.add_row(f"  {peer}", figure(metrics[peer]), ratio, "" if limit is None else f"> {limit:g}")
     about = (
-        f"{largest(found, 'samples'):,} samples of {IMAGES} photographs of a sphere: time until every parameter stays "
-        f"within {CLOSE:.0%} of the optimum of the likelihood. Peers get the samples with their geometry and true "
-        "noise, and start in the middle of the domain; matest starts from the photographs in memory, with --precision "
-        f"{_PRECISION:.2g}. Adam: torch's with the best learning rate; l-bfgs: torch's; least_squares: scipy's; "
-        "compiled: by torch, before the clock starts. Levenberg-Marquardt: written by hand for the one model, with its "
-        "Jacobian; dr.jit: the same as one fused kernel. mitsuba: its tutorials' render and Adam. Compiling: with what "
-        "the first run compiles; prepared: without what is computed once."
+        f"{largest(records, 'samples'):,} samples of {IMAGES} photographs of a sphere: time until every parameter "
+        f"stays within {CLOSE:.0%} of the optimum of the likelihood. Peers get the samples with their geometry and "
+        "true noise, and start in the middle of the domain; matest starts from the photographs in memory, with "
+        f"--precision {_PRECISION:.2g}. Adam: torch's with the best learning rate; l-bfgs: torch's; least_squares: "
+        "scipy's; compiled: by torch, before the clock starts. Levenberg-Marquardt: written by hand for the one model, "
+        "with its Jacobian; dr.jit: the same as one fused kernel. mitsuba: its tutorials' render and Adam. Compiling: "
+        "with what the first run compiles; prepared: without what is computed once."
     )
-    return page(about, times, records=found)
+    return page(about, times, records=records)
 
 
 SUITE = Suite(measure, table, share=300)

@@ -37,8 +37,8 @@ LIMIT = 1.05
 GLOSSY = "cook-torrance"
 FREED = (("slope",), ("slope", "diffuse"), ("slope", "diffuse", "specular"))
 
-# The size of a problem, its photographs, and the parameters that are fixed.
-Problem = tuple[int, Capture, Mapping[str, Any]]
+# The size of a workload, its photographs, and the parameters that are fixed.
+Workload = tuple[int, Capture, Mapping[str, Any]]
 
 
 def power_law(sizes: Sequence[float], times: Sequence[float]) -> Any:
@@ -52,7 +52,7 @@ def measure(effort: Effort, progress: Progress) -> Iterator[Record]:
     least = _shortest(spheres(MODEL, IMAGES, TINY), MODEL, {}, ROUNDS + 1)
 
     captures = (spheres(MODEL, IMAGES, side) for side in sides)
-    growing: Iterator[Problem] = ((len(capture.scene.surface), capture, {}) for capture in captures)
+    growing: Iterator[Workload] = ((len(capture.scene.surface), capture, {}) for capture in captures)
     times, capture = _times("pixels", MODEL, growing, len(sides), rounds, progress)
     yield from _series("pixels", f"{IMAGES} images", times, least, LIMIT)
     per_value = max(times.values()) / (len(capture.samples()) * capture.channels)
@@ -79,11 +79,11 @@ def measure(effort: Effort, progress: Progress) -> Iterator[Record]:
 
 
 def _times(
-    case: str, expression: str, problems: Iterable[Problem], count: int, rounds: int, progress: Progress
+    case: str, expression: str, workloads: Iterable[Workload], count: int, rounds: int, progress: Progress
 ) -> tuple[dict[int, float], Capture]:
     """Seconds of every size, and the last photographs."""
     times = {}
-    for number, (size, capture, fix) in enumerate(problems):
+    for number, (size, capture, fix) in enumerate(workloads):
         progress(case, number, count)
         times[size] = _shortest(capture, expression, fix, rounds)
     return times, capture
@@ -114,10 +114,10 @@ def _shortest(capture: Capture, expression: str, fix: Mapping[str, Any], rounds:
     return min(timed(lambda: matest.estimate(capture, expression, fix=dict(fix)))[1] for _ in range(rounds))
 
 
-def table(found: Sequence[Record]) -> Group:
+def table(records: Sequence[Record]) -> Group:
     """Times of every series, and the exponent of its power law."""
     parts: list[RenderableType] = []
-    cases = by_case(found)
+    cases = by_case(records)
     for case, metrics in cases.items():
         times = {name.removeprefix("time of "): r for name, r in metrics.items() if name.startswith("time of ")}
         series = ruled(case, *times, f"{TINY}×{TINY}\npixels", "exponent", "limit")
@@ -135,7 +135,7 @@ def table(found: Sequence[Record]) -> Group:
     legend = (
         f"The most pixels take {passes:.0f} element-wise passes a value, {copies:.0f} times copying the stored pixels."
     )
-    return page(about, *parts, Text(legend), records=found)
+    return page(about, *parts, Text(legend), records=records)
 
 
 SUITE = Suite(measure, table)

@@ -60,17 +60,17 @@ def seconds(*arguments: str) -> float:
     return timed(lambda: subprocess.run([sys.executable, *arguments], check=True, capture_output=True))[1]
 
 
-def table(found: Sequence[Record]) -> Group:
+def table(records: Sequence[Record]) -> Group:
     """Time of every process, and the ratio."""
     processes = ruled("", "seconds", "limit")
-    for record in found:
+    for record in records:
         unit = " times" if record.unit == "1" else ""
         processes.add_row(record.metric, figure(record).append(unit), limit(record))
     about = (
         f"Fresh processes, their start included; the estimate is of {CASE} with {MODEL}. fit: its own count, without "
         "reading, geometry and report."
     )
-    return page(about, processes, records=found)
+    return page(about, processes, records=records)
 
 
 SUITE = Suite(measure, table)

@@ -79,7 +79,8 @@ def measure(pairs: int, progress: Progress) -> Iterator[Record]:
         progress(f"Table 4: {sample}", number, len(SAMPLES))
         fitted = {name: coefficients(name, sample) for name in PUBLISHED}
         shares = {name: _SLOW_SHARE if name == REFERENCE else 1 for name in fitted}
-        runs = [forward(_float(brdf), wi[:: shares[name]], wo[:: shares[name]], TILE) for name, brdf in fitted.items()]
+        single = {name: brdf.to(torch.float32, "cpu") for name, brdf in fitted.items()}
+        runs = [forward(brdf, wi[:: shares[name]], wo[:: shares[name]], TILE) for name, brdf in single.items()]
         # For all pairs.
         times = {name: time * shares[name] for name, time in zip(fitted, seconds(*runs), strict=True)}
         for name, time in times.items():
@@ -94,12 +95,12 @@ def measure(pairs: int, progress: Progress) -> Iterator[Record]:
 def _savings(wi: Tensor, wo: Tensor) -> Iterator[Record]:
     """What leaving out a component saves, beside its share of the passes, each timed by itself."""
     for name, expressions in DROPPED.items():
-        both = [_float(model(f"{OURS}({options})")[0]) for options in expressions]
+        both = [model(f"{OURS}({options})")[0].to(torch.float32, "cpu") for options in expressions]
         times = seconds(*(forward(brdf, wi, wo, TILE) for brdf in both))
-        own = [element_wise(lambda brdf=brdf: brdf(wi[:TILE], wo[:TILE]))[1] for brdf in both]  # type: ignore[misc]
+        alone = [element_wise(lambda brdf=brdf: brdf(wi[:TILE], wo[:TILE]))[1] for brdf in both]  # type: ignore[misc]
         case = f"{WITHOUT}{name}"
         yield Record("models", case, "time saved", 1 - times[1] / times[0], "1", "higher")
-        yield Record("models", case, "share of the passes", 1 - own[1] / own[0], "1", "higher")
+        yield Record("models", case, "share of the passes", 1 - alone[1] / alone[0], "1", "higher")
 
 
 def coefficients(name: str, sample: str) -> Brdf:
@@ -166,10 +167,6 @@ def _without_mirror(brdf: Brdf) -> Brdf:
     if getattr(brdf, "coherent", "off") == "off":
         return brdf
     return dataclasses.replace(brdf, coherent="off")  # type: ignore[type-var]
-
-
-def _float(brdf: Brdf) -> Brdf:
-    return brdf.replace({name: value.float() for name, value in brdf.parameters.items()})
 
 
 def tables(records: Sequence[Record]) -> list[RenderableType]:
