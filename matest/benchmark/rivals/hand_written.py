@@ -14,6 +14,7 @@ from matest.benchmark.instruments.contest import GLOSSY
 from matest.benchmark.instruments.task import Task, Trace, Values
 from matest.scene import Points
 
+# Steps after which Levenberg-Marquardt gives up.
 _ITERATIONS = 60
 # The shape parameter changes by at most this factor at a step.
 _FACTOR = 2.0

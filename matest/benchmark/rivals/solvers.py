@@ -17,6 +17,7 @@ from matest.parameters import Role
 from matest.shading import shade
 from matest.training.trainable import Trainable
 
+# Iterations after which L-BFGS gives up.
 _LBFGS_ITERATIONS = 200
 # Adam has come to stay after this many steps in a row near the optimum.
 SETTLED = 30
