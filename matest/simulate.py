@@ -144,7 +144,7 @@ def simulate(path: str | Path, out: str | Path | None = None, progress: Progress
     generator = np.random.Generator(np.random.Philox(tables.noise.seed if tables.noise else 0))
     folder.mkdir(parents=True, exist_ok=True)
     for number, table in enumerate(tables.image):
-        pixels = _expose(radiance(scene, number), table.exposure, encoding, noise, generator)
+        pixels = expose(radiance(scene, number), table.exposure, encoding, noise, generator)
         _replace(folder / names[number], stored_pixels(pixels, encoding, bits))
         progress("rendering images", number + 1, len(tables.image))
     _write_geometry(scene, folder)
@@ -245,7 +245,7 @@ def _exposed(scene: SimulatedScene) -> Encoding:
     return replace(encoding, scale=float(f"{math.ceil(scale / step) * step:.6g}"))
 
 
-def _expose(
+def expose(
     image: np.ndarray, exposure: float, encoding: Encoding, noise: Noise, generator: np.random.Generator
 ) -> np.ndarray:
     """Linear fractions of full scale, black level and noise included."""

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from importlib import import_module
 
-from matest.benchmark.record import Record
-from matest.benchmark.suite import PEERS, Effort, Suite
+from matest.benchmark.suite import PEERS, Effort, Record, Suite
 from matest.errors import InputError, nearest
 
 # Names of the suites, and what each measures, for the help. The suite is the `SUITE` of the file of its name in

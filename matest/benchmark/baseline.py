@@ -16,7 +16,7 @@ from typing import Literal, TypeVar
 
 import msgspec
 
-from matest.benchmark.record import QUICK, Record
+from matest.benchmark.suite import QUICK, Record
 from matest.errors import InputError
 
 PATH = Path("tests/benchmark_baseline.json")
@@ -51,14 +51,9 @@ SELECTED: dict[str, tuple[Kind, float | None]] = {
 
 
 class Figure(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One figure of the baseline.
+    """One figure of the baseline, named as its record, and by how much, relative, it may be worse.
 
-    Attributes:
-        suite, case, metric: as in the record.
-        value: at the time of writing.
-        better: which way is better.
-        tolerance: by how much it may be worse, relative.
-        kind: "accuracy", or "cost" of time and memory, which depends on the machine and what else it does.
+    A cost, of time and memory, depends on the machine and what else it does; accuracy does not.
     """
 
     suite: str
@@ -74,6 +69,10 @@ class Figure(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """The worst value that passes."""
         change = self.tolerance * abs(self.value)
         return self.value + change if self.better == "lower" else self.value - change
+
+    def admits(self, value: float | None) -> bool:
+        """Whether a value is as good; none is not, nor is NaN, with which every comparison is false."""
+        return value is not None and (value <= self.worst if self.better == "lower" else value >= self.worst)
 
 
 class Baseline(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -98,12 +97,11 @@ def read(path: Path = PATH) -> Baseline:
 
 def write(baseline: Baseline, path: Path = PATH) -> None:
     """Write a baseline, one figure a line."""
-
-    def lines(figures: Sequence[Figure]) -> str:
-        return ",\n".join(f"  {json.dumps(msgspec.to_builtins(figure), ensure_ascii=False)}" for figure in figures)
-
-    runs = ((run, lines(getattr(baseline, run))) for run in ("quick", "full"))
-    text = ",\n".join(f' "{run}": [\n{figures}\n ]' if figures else f' "{run}": []' for run, figures in runs)
+    runs = []
+    for run, figures in msgspec.to_builtins(baseline).items():
+        lines = ",\n".join(f"  {json.dumps(figure, ensure_ascii=False)}" for figure in figures)
+        runs.append(f' "{run}": [\n{lines}\n ]' if lines else f' "{run}": []')
+    text = ",\n".join(runs)
     path.write_text(f"{{\n{text}\n}}\n", "utf-8")
 
 
@@ -145,25 +143,24 @@ def is_quick(records: Sequence[Record]) -> bool:
 
 def figures_of(records: Sequence[Record]) -> Iterator[Figure]:
     """The figures that `SELECTED` takes from records with a value, and their tolerances."""
-    by_key = {(record.suite, record.case, record.metric): record for record in records}
-    for (suite, case, metric), record in by_key.items():
-        for pattern, (kind, fixed) in SELECTED.items():
-            if record.value is None or not fnmatch(f"{suite}/{metric}", pattern):
-                continue
-            of_case = {
-                name: r.value for (s, c, name), r in by_key.items() if (s, c) == (suite, case) and r.value is not None
-            }
-            tolerance = statistical(record, of_case) if fixed is None else fixed
-            yield Figure(suite, case, metric, _rounded(record.value, 6), record.better, _rounded(tolerance, 3), kind)
-            break
+    cases: dict[tuple[str, str], dict[str, float]] = {}
+    measured = {(r.suite, r.case, r.metric): r for r in records if r.value is not None}.values()
+    for record in measured:
+        cases.setdefault((record.suite, record.case), {})[record.metric] = record.value or 0.0
+    for record in measured:
+        key = f"{record.suite}/{record.metric}"
+        rule = next((rule for pattern, rule in SELECTED.items() if fnmatch(key, pattern)), None)
+        if rule is not None:
+            kind, fixed = rule
+            tolerance = statistical(record, cases[record.suite, record.case]) if fixed is None else fixed
+            numbers = _rounded(record.value or 0.0, 6), record.better, _rounded(tolerance, 3)
+            yield Figure(record.suite, record.case, record.metric, *numbers, kind)
 
 
 def statistical(record: Record, of_case: Mapping[str, float]) -> float:
-    """The relative 95 % error of a figure toward worse values.
+    """The relative 95 % error, toward worse values, of a pooled error, a share, a number of captures or an exponent.
 
-    Args:
-        record: a pooled error with its interval, a share, a number of captures or an exponent.
-        of_case: all figures of its case, by metric.
+    `of_case` has all figures of its case by metric, the ends of its interval among them.
     """
     value, metric = record.value or 0.0, record.metric
     if not value:
@@ -181,19 +178,12 @@ def statistical(record: Record, of_case: Mapping[str, float]) -> float:
 
 
 def main(file: str) -> None:
-    """Replace the figures of the baseline for the suites of a run, quick or full, by those of the run.
-
-    Args:
-        file: the output of `matest benchmark --json`.
-
-    Raises:
-        InputError: bad records, bad baseline.
-    """
+    """Replace the figures of the baseline for the suites of a run, quick or full, by those of its records in a file."""
     records = records_of(Path(file))
     old = read() if PATH.exists() else Baseline()
-    run = "quick" if is_quick(records) else "full"
-    measured = {record.suite for record in records}
-    others = tuple(figure for figure in getattr(old, run) if figure.suite not in measured)
+    quick, measured = is_quick(records), {record.suite for record in records}
+    run = "quick" if quick else "full"
+    others = tuple(figure for figure in old.of(quick) if figure.suite not in measured)
     write(msgspec.structs.replace(old, **{run: (*others, *figures_of(records))}))
     print(f"Written to {PATH}: {run} runs")
 

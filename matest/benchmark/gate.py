@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console, Group, RenderableType
@@ -16,19 +15,15 @@ from rich.text import Text
 
 from matest.benchmark import FIRST, SUITES, load
 from matest.benchmark.baseline import Figure, is_quick, read, records_of, with_file
-from matest.benchmark.record import Record
+from matest.benchmark.suite import Record
 from matest.benchmark.tables import case_name, ruled
 from matest.errors import InputError
 
 KINDS = ("accuracy", "cost")
 
 
-@dataclass(frozen=True)
-class Worse:
-    """A figure of the baseline, and the value of the run; None: the run has no such value."""
-
-    expected: Figure
-    value: float | None
+# A figure of the baseline, and the value of the run; None: the run has no such value.
+Worse = tuple[Figure, float | None]
 
 
 def expected(quick: bool, suites: Collection[str], kinds: Collection[str] = KINDS) -> list[Figure]:
@@ -50,13 +45,8 @@ def expected(quick: bool, suites: Collection[str], kinds: Collection[str] = KIND
 def worse(figures: Sequence[Figure], records: Sequence[Record]) -> list[Worse]:
     """The figures that the records do not reach."""
     values = {(record.suite, record.case, record.metric): record.value for record in records}
-    failed = []
-    for figure in figures:
-        value = values.get((figure.suite, figure.case, figure.metric))
-        # Ask for "not as good", since every comparison with NaN is false.
-        if value is None or not (value <= figure.worst if figure.better == "lower" else value >= figure.worst):
-            failed.append(Worse(figure, value))
-    return failed
+    pairs = [(figure, values.get((figure.suite, figure.case, figure.metric))) for figure in figures]
+    return [(figure, value) for figure, value in pairs if not figure.admits(value)]
 
 
 def gate_table(figures: Sequence[Figure], failed: Sequence[Worse]) -> RenderableType:
@@ -64,14 +54,11 @@ def gate_table(figures: Sequence[Figure], failed: Sequence[Worse]) -> Renderable
     if not failed:
         return Text(f"Gate: none of {len(figures):,} figures is worse than the baseline by more than its tolerance.")
     table = ruled("", "baseline", "allowed", "now")
-    heads = dict.fromkeys((failure.expected.suite, failure.expected.case) for failure in failed)
-    for suite, case in heads:
+    for suite, case in dict.fromkeys((figure.suite, figure.case) for figure, _ in failed):
         table.add_row(Text(f"{suite}: ").append_text(case_name(case)))
-        for failure in failed:
-            figure = failure.expected
+        for figure, value in failed:
             if (figure.suite, figure.case) == (suite, case):
-                value = "missing" if failure.value is None else f"{failure.value:.4g}"
-                now = Text(value, style="red")
+                now = Text("missing" if value is None else f"{value:.4g}", style="red")
                 table.add_row(f"  {figure.metric}", f"{figure.value:.4g}", f"{figure.worst:.4g}", now)
     summary = (
         f"Gate: {len(failed):,} of {len(figures):,} figures are worse than the baseline by more than their tolerance."
@@ -80,20 +67,12 @@ def gate_table(figures: Sequence[Figure], failed: Sequence[Worse]) -> Renderable
 
 
 def main(file: str) -> None:
-    """Show the records of all suites and hold their accuracy to the baseline.
-
-    Args:
-        file: the output of `matest benchmark --json`. Exit code 1 if a figure is worse, or missing.
-
-    Raises:
-        InputError: bad records, bad baseline.
-    """
+    """Show the records in a file and hold their accuracy to the baseline; exit code 1 if any is worse or missing."""
     records = records_of(Path(file))
     figures = expected(is_quick(records), SUITES, ("accuracy",))
     terminal = Console(highlight=False)
     for name in (FIRST, *SUITES):
-        of_suite = [record for record in records if record.suite == name]
-        if of_suite:
+        if of_suite := [record for record in records if record.suite == name]:
             terminal.print(load(name).table(of_suite))
     failed = worse(figures, records)
     terminal.print(gate_table(figures, failed))

@@ -1,19 +1,57 @@
-"""A suite, and how much of it a run measures."""
+"""A suite, how much of it a run measures, and the records that it gives."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
 
-from matest.benchmark.record import Progress, Record
+from matest.progress import Progress, silent
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
+__all__ = ["PEERS", "QUICK", "Effort", "Progress", "Record", "Suite"]
+
 # Solvers that matest can race, by the names that `--against` takes.
 PEERS = ("adam", "l-bfgs", "least_squares", "levenberg-marquardt", "mitsuba", "dr.jit")
+# The metric of the suite `limits` that tells a quick run from a full one.
+QUICK = "quick"
+
+
+@dataclass(frozen=True)
+class Record:
+    """One figure.
+
+    Attributes:
+        suite, case, metric: what was measured, of which case.
+        value: the figure; None where it could not be measured.
+        unit: "ns", "1"…; "pass" is the time of one element-wise product of two tensors in the same run.
+        better: which way is better.
+        limit: the target, if there is one.
+        note: for a person: where the worst case was, or why there is no value.
+    """
+
+    suite: str
+    case: str
+    metric: str
+    value: float | None
+    unit: str
+    better: Literal["lower", "higher"] = "lower"
+    limit: float | None = None
+    note: str = ""
+
+    @property
+    def misses(self) -> bool:
+        """Whether the value is on the wrong side of its limit."""
+        if self.value is None or self.limit is None:
+            return False
+        return self.value > self.limit if self.better == "lower" else self.value < self.limit
+
+    def to_dict(self) -> dict[str, Any]:
+        """The record as a line of JSON, without the note."""
+        return {name: value for name, value in asdict(self).items() if name != "note"}
 
 
 @dataclass(frozen=True)
@@ -51,6 +89,6 @@ class Suite:
     table: Callable[[list[Record]], RenderableType]
     share: float = math.inf
 
-    def run(self, effort: Effort, progress: Progress = lambda *_: None) -> Iterator[Record]:
+    def run(self, effort: Effort, progress: Progress = silent) -> Iterator[Record]:
         """The records of the suite."""
         return self.measure(replace(effort, seconds=self.share) if effort.shared else effort, progress)

@@ -9,7 +9,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from matest.benchmark.record import Record
+from matest.benchmark.suite import Record
 
 
 def page(about: str, *parts: RenderableType, records: Sequence[Record]) -> Group:

@@ -9,7 +9,7 @@ import pytest
 
 from matest.benchmark import baseline
 from matest.benchmark.baseline import Baseline, Figure, figures_of
-from matest.benchmark.record import Record
+from matest.benchmark.suite import Record
 from matest.errors import InputError
 
 ROOT = Path(__file__).parents[2]

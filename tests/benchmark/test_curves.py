@@ -25,7 +25,7 @@ def test_error_is_in_units_of_the_bound_and_distance_is_from_the_optimum() -> No
     assert step.seconds == 3.0
     assert step.error == pytest.approx(math.sqrt((1**2 + 2**2 + 2**2) / 3))
     assert step.off == pytest.approx(1.0)
-    both = yardstick.pooled(3.0, [values(albedo=[0.6, 0.6], sigma=1.0), values(albedo=[0.5, 0.4], sigma=0.6)])
+    both = yardstick.step(3.0, values(albedo=[0.6, 0.6], sigma=1.0), values(albedo=[0.5, 0.4], sigma=0.6))
     assert both.error == pytest.approx(step.error / math.sqrt(2))
     assert both.off == step.off
 

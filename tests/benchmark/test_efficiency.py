@@ -9,6 +9,7 @@ import pytest
 from rich.console import Console
 
 from matest.benchmark import Effort, load
+from matest.benchmark.instruments import pooling
 from matest.benchmark.instruments import trial as trials
 from matest.benchmark.instruments.trial import trial
 from matest.benchmark.suites import efficiency, outliers
@@ -84,7 +85,7 @@ def test_the_table_fits_the_longest_names_and_figures(scale: float) -> None:
     figures = [trials.Figure("slope_ratio", 0.5, 0.1, 0.5 + 0.1 * error, (0.4, 0.6)) for error in errors]
     name = "oren-nayar-exact"
     several = [trials.Trial(name, seed, (one,) * 9, 0.0, "fisher", "") for seed, one in enumerate(figures)]
-    found = list(efficiency.records("efficiency", name, several, efficiency.TARGETS))
+    found = list(pooling.records("efficiency", name, several, efficiency.TARGETS))
     terminal = Console(width=80, record=True)
     terminal.print(efficiency.table(found))
     shown = terminal.export_text()
@@ -94,5 +95,5 @@ def test_the_table_fits_the_longest_names_and_figures(scale: float) -> None:
 
 def test_a_record_without_any_figure_says_so_instead_of_failing() -> None:
     nothing = trials.Trial("lambert", 0, (), None, "fisher", "sphere")
-    found = list(efficiency.records("efficiency", "lambert", [nothing], efficiency.TARGETS))
+    found = list(pooling.records("efficiency", "lambert", [nothing], efficiency.TARGETS))
     assert [(record.metric, record.value) for record in found] == [("captures", 1), ("parameters", 0), ("given", None)]

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from rich.console import Console
 
 import matest
 from matest.benchmark import Effort, load
-from matest.benchmark.instruments.photographs import MATERIALS, ring, take
+from matest.benchmark.instruments.photographs import MATERIALS, in_files, ring
 from matest.benchmark.suites import estimate
 
 
@@ -45,8 +43,9 @@ def test_every_stage_has_a_record_and_the_ratio_of_a_full_run_a_limit(
     assert "fit / decode" in shown
 
 
-def test_the_photographs_are_of_the_stated_material_and_size(tmp_path: Path) -> None:
-    capture = matest.load_capture(take(tmp_path, "oren-nayar", images=3, size=64))
+def test_the_photographs_are_of_the_stated_material_and_size() -> None:
+    with in_files("oren-nayar", images=3, size=64) as folder:
+        capture = matest.load_capture(folder)
     assert len(capture) == 3
     assert capture.photographs.stored[0].dtype == np.uint16
     assert capture.photographs.stored[0].shape[1] == 3

@@ -8,13 +8,14 @@ from rich.console import Console
 
 from matest.benchmark import Effort, load
 from matest.benchmark.instruments import curves
-from matest.benchmark.instruments.contest import GLOSSY, sphere_of
-from matest.benchmark.record import Record
-from matest.benchmark.rivals import race
+from matest.benchmark.instruments.contest import GLOSSY
+from matest.benchmark.rivals import race, renderers
+from matest.benchmark.suite import Record
 from matest.benchmark.suites import frontier
 
 SIZE = 32
 CASE = "oren-nayar vase"
+CASES = frontier.CASES
 
 
 @pytest.fixture(autouse=True)
@@ -32,12 +33,11 @@ def records() -> list[Record]:
         patch.setattr(frontier, "SIZE_QUICK", SIZE)
         patch.setattr(frontier, "PATIENCE_QUICK", 0.2)
         patch.setattr(race, "BATCH", 2000)
-        patch.setattr(frontier, "CASES", {CASE: frontier.CASES[CASE]})
+        patch.setattr(frontier, "CASES", {CASE: CASES[CASE]})
         found = list(load("frontier").run(Effort(quick=True)))
-        glossy = sphere_of(GLOSSY, SIZE)
-        yardstick = curves.Yardstick(glossy.truth, glossy.bound(), glossy.truth)
-        for name, curve in frontier.of_renderers({"mitsuba": [], "dr.jit": []}, yardstick).items():
-            found += frontier.figures(CASE, name, curve, curve)
+        patch.setattr(frontier, "CASES", {GLOSSY: CASES["cook-torrance sphere"]})
+        patch.setattr(renderers, "race_of_sphere", lambda *_: {"mitsuba": [], "dr.jit": []})
+        found += load("frontier").run(Effort(quick=True, against=("mitsuba",)))
     return found
 
 
@@ -54,7 +54,7 @@ def test_every_estimator_has_its_curve_and_its_times(records: list[Record]) -> N
         assert found[CASE, f"{peer}: to 1 % / matest"] == pytest.approx(taken / found[CASE, "matest: to 1 %"])
         assert found[CASE, f"{peer}: point 0, seconds"] > 0
     assert found[CASE, "adam: error at the end"] > 0
-    assert found[CASE, "mitsuba: error at the end"] is None
+    assert found[GLOSSY, "mitsuba: error at the end"] is None
 
 
 def test_table_fits_and_says_what_is_missing_and_where_matest_loses(records: list[Record]) -> None:
@@ -70,7 +70,7 @@ def test_table_fits_and_says_what_is_missing_and_where_matest_loses(records: lis
 
 
 def test_copper_is_compared_whichever_lobe_comes_first() -> None:
-    case = frontier.CASES["copper vase"][0](SIZE)
+    case = frontier.CASES["copper vase"](SIZE)
     yardstick = curves.Yardstick(case.truth, case.bound(), case.truth)
     swapped = {
         **case.truth,
@@ -83,7 +83,7 @@ def test_copper_is_compared_whichever_lobe_comes_first() -> None:
 
 
 def test_bounds_of_paper_are_of_what_light_from_the_viewer_s_side_shows() -> None:
-    case = frontier.CASES["laser-paper sphere"][0](SIZE)
+    case = frontier.CASES["laser-paper sphere"](SIZE)
     bound = case.bound()
     assert set(bound) == {"k_uds", "k_dd", "correlation_length"} == set(case.task.free)
     assert all(bool((std < 0.1 * case.truth[name]).all()) for name, std in bound.items())
@@ -91,6 +91,6 @@ def test_bounds_of_paper_are_of_what_light_from_the_viewer_s_side_shows() -> Non
 
 @pytest.mark.parametrize("name", list(frontier.CASES))
 def test_no_pixel_that_peers_get_is_clipped(name: str) -> None:
-    photographs = frontier.CASES[name][0](SIZE).capture.photographs
+    photographs = frontier.CASES[name](SIZE).capture.photographs
     saturated = photographs.encoding.saturated
     assert all(image.min() > 0 and not saturated(image).any() for image in photographs.stored)

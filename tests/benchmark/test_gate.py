@@ -18,7 +18,7 @@ import matest
 from matest import benchmark, cli
 from matest.benchmark import baseline, gate
 from matest.benchmark.baseline import Baseline, Figure
-from matest.benchmark.record import Record
+from matest.benchmark.suite import Record
 from matest.benchmark.suites import efficiency, limits, scaling
 from tests.benchmark.test_efficiency import Here
 

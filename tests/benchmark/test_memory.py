@@ -10,7 +10,7 @@ from rich.console import Console
 
 import matest
 from matest.benchmark import Effort, load
-from matest.benchmark.instruments.photographs import take
+from matest.benchmark.instruments.photographs import in_files
 from matest.benchmark.suites import memory
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="reads Linux's /proc")
@@ -35,7 +35,7 @@ def test_growth_is_the_difference_of_the_peaks(monkeypatch: pytest.MonkeyPatch) 
     assert "growth = 250, limit 200" in terminal.export_text()
 
 
-def test_the_peak_does_not_count_what_the_starting_process_holds(tmp_path: Path) -> None:
-    folder = take(tmp_path, "oren-nayar", images=2, size=32)
+def test_the_peak_does_not_count_what_the_starting_process_holds() -> None:
     held = np.ones(200_000_000)  # 1600 MB
-    assert 100 < memory.peak(folder, "oren-nayar") < held.nbytes / 2e6
+    with in_files("oren-nayar", images=2, size=32) as folder:
+        assert 100 < memory.peak(folder, "oren-nayar") < held.nbytes / 2e6

@@ -6,8 +6,8 @@ import pytest
 import torch
 
 from matest.benchmark import Effort
-from matest.benchmark.instruments import passes, timing
-from matest.benchmark.record import Record
+from matest.benchmark.instruments import passes
+from matest.benchmark.suite import Record
 from matest.benchmark.suites import models
 from matest.brdf import Lambert
 from tests.sampling import named, random_pairs
@@ -77,7 +77,7 @@ def test_sums_over_facets_are_told_from_closed_forms() -> None:
 
 
 def test_directions_are_above_the_horizon() -> None:
-    wi, wo = timing.random_directions(1000)
+    wi, wo = passes.random_directions(1000)
     assert wi.dtype == torch.float32
     assert (wi[:, 2] >= 0).all()
     assert (wo[:, 2] >= 0).all()

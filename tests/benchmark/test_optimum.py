@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from matest.benchmark.instruments.bound import problem_of
 from matest.benchmark.instruments.optimum import excess
-from matest.benchmark.instruments.simulated import draw
+from matest.benchmark.instruments.trial import draw
 
 
 @pytest.mark.parametrize("expression", ["oren-nayar", "cook-torrance"])
@@ -14,7 +13,7 @@ def test_the_grid_finds_what_a_fit_stuck_elsewhere_has_missed(expression: str) -
     drawn = draw(expression, 1)
     capture = drawn.photograph()
     held = {"f0": 0.04} if expression == "cook-torrance" else {}
-    problem = problem_of(drawn, held)
+    problem = drawn.problem(held)
     truth = problem.unknowns_at(drawn.material.parameters)
     stuck = truth.clone()
     stuck[problem.where[problem.shapes[0]]] *= 2

@@ -11,15 +11,15 @@ from rich.console import Console
 
 from matest.benchmark import Effort, load
 from matest.benchmark.instruments.contest import sphere_of
+from matest.benchmark.instruments.passes import no_compiler
 from matest.benchmark.instruments.photographs import material_of
 from matest.benchmark.instruments.task import Task, Trace, distance
-from matest.benchmark.instruments.timing import no_compiler
 from matest.benchmark.rivals import hand_written, race, renderers, solvers
 from matest.benchmark.suites import peers
 from matest.shading import shade
 
 SIZE = 24
-MODELS = tuple(peers.HAND_WRITTEN)
+MODELS = tuple(hand_written.MODELS)
 
 
 @pytest.fixture(autouse=True)
@@ -37,7 +37,7 @@ def task_of(expression: str) -> Task:
 @pytest.mark.parametrize("expression", MODELS)
 def test_hand_written_radiance_is_the_shader_s(expression: str) -> None:
     task = task_of(expression).double()
-    written = peers.HAND_WRITTEN[expression](task.points)
+    written = hand_written.MODELS[expression](task.points)
     material = material_of(expression)
     truth = material.parameters
     amplitudes = torch.stack([truth[name] for name in written.unknowns.amplitudes])
@@ -47,7 +47,7 @@ def test_hand_written_radiance_is_the_shader_s(expression: str) -> None:
 
 @pytest.mark.parametrize("expression", MODELS)
 def test_hand_written_jacobian_is_that_of_differences(expression: str) -> None:
-    written = peers.HAND_WRITTEN[expression](task_of(expression).double().points)
+    written = hand_written.MODELS[expression](task_of(expression).double().points)
     count = len(written.unknowns.amplitudes)
     amplitudes = torch.tensor([[0.6, 0.4, 0.2], [0.5, 0.7, 0.9]], dtype=torch.float64)[:count]
     shape, step = torch.tensor(0.3, dtype=torch.float64), 1e-6
@@ -67,13 +67,12 @@ def test_hand_written_jacobian_is_that_of_differences(expression: str) -> None:
 @pytest.mark.parametrize("expression", MODELS)
 def test_every_peer_reaches_the_optimum_from_the_middle_of_the_domain(expression: str) -> None:
     task = task_of(expression)
-    prepare = peers.HAND_WRITTEN[expression]
-    optimum = hand_written.optimum(task, sphere_of(expression, SIZE).truth, prepare)
+    optimum = hand_written.optimum(task, sphere_of(expression, SIZE).truth)
     assert distance(task.start.parameters, optimum) > 0.1
     for trace in (
         solvers.lbfgs(task),
         solvers.least_squares(task),
-        hand_written.levenberg_marquardt(task, prepare),
+        hand_written.levenberg_marquardt(task),
         solvers.adam(task, None, 0.1, lambda trace: trace.settled(optimum, 30)),
         solvers.adam(task, 2000, 0.03, lambda trace: trace.settled(optimum, 30)),
     ):
@@ -98,12 +97,12 @@ def test_compiled_solvers_do_the_same_as_eager_ones() -> None:
         for compiled in (False, True)
     ]
     assert distance(*steps) < 1e-4
-    optimum = hand_written.optimum(task, sphere_of("oren-nayar", SIZE).truth, hand_written.oren_nayar)
+    optimum = hand_written.optimum(task, sphere_of("oren-nayar", SIZE).truth)
     assert distance(solvers.lbfgs(task, compiled=True).values[-1], optimum) < 0.01
 
 
 def test_every_figure_is_there_and_matest_is_at_the_optimum(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(peers, "QUICK", peers.Size(SIZE, MODELS, (0.1,), 0.3, compiles=False, judged=False))
+    monkeypatch.setattr(peers, "QUICK", peers.Size(SIZE, race.Rules((0.1,), 1, 120.0), 0.3, MODELS, judged=False))
     monkeypatch.setattr(race, "BATCH", 2000)
     monkeypatch.setattr(peers, "ROUNDS", 1)
     monkeypatch.setattr(renderers, "race", lambda *_: {"mitsuba": [], "dr.jit": []})

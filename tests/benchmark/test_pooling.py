@@ -7,7 +7,7 @@ import pytest
 
 from matest.benchmark.instruments.pooling import Interval, coverage, mean_error, records, rms_error
 from matest.benchmark.instruments.trial import Figure, Trial
-from matest.benchmark.record import Record
+from matest.benchmark.suite import Record
 from matest.benchmark.suites.efficiency import TARGETS
 
 

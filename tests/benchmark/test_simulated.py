@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from matest.benchmark.instruments.photographs import SATURATION, Conditions
-from matest.benchmark.instruments.simulated import draw
+from matest.benchmark.instruments.trial import draw
 
 MODELS = ("lambert", "oren-nayar", "cook-torrance", "li-torrance")
 
@@ -32,7 +32,7 @@ def test_clean_photographs_scatter_about_the_truth_as_their_noise_says() -> None
     drawn = draw("cook-torrance", 1)
     photographs = drawn.photograph().photographs
     assert photographs.stored[0].dtype == np.uint16
-    scale = drawn.scale
+    scale = drawn.encoding.scale
     for image, truth in enumerate(drawn.radiance):
         signal = truth / scale
         spread = np.sqrt(photographs.noise.read**2 + photographs.noise.gain * signal)
@@ -77,5 +77,5 @@ def test_an_ideal_photograph_gives_every_lit_pixel_off_the_rim_without_noise() -
 def test_saturation_lies_at_the_level_of_the_brightest_share() -> None:
     drawn = draw("cook-torrance", 5, Conditions(saturated=0.3))
     brightest = np.concatenate([image.max(axis=1) for image in drawn.radiance])
-    level = drawn.scale * (SATURATION - drawn.sensor.black)
+    level = drawn.encoding.scale * (SATURATION - drawn.sensor.black)
     assert (brightest[brightest > 0] > level).mean() == pytest.approx(0.3, abs=0.01)

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from matest.benchmark.instruments.adversarial import direction_pairs, parameter_values
 from matest.benchmark.instruments.passes import heavy
-from matest.benchmark.record import Record
+from matest.benchmark.suite import Record
 from matest.benchmark.suites.stress import TILE, examine
 from matest.brdf import Brdf, Lambert, Term, variants
 from matest.directions import Directions
@@ -138,11 +138,11 @@ def test_adversarial_parameters_reach_both_ends_and_stay_inside() -> None:
 
 
 def test_limits_are_those_of_the_tests() -> None:
-    from matest.benchmark.instruments import precision
+    from matest.benchmark.instruments import adversarial
 
-    assert precision.RELATIVE == tolerances.FLOAT32
-    assert precision.OF_PEAK == tolerances.FLOAT32_OF_PEAK
-    assert precision.NEARLY_GRAZING == tolerances.NEARLY_GRAZING
+    assert adversarial.RELATIVE == tolerances.FLOAT32
+    assert adversarial.OF_PEAK == tolerances.FLOAT32_OF_PEAK
+    assert adversarial.NEARLY_GRAZING == tolerances.NEARLY_GRAZING
 
 
 def test_points_end_with_the_time_and_the_record_says_where() -> None:

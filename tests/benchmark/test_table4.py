@@ -7,7 +7,7 @@ import io
 import pytest
 from rich.console import Console
 
-from matest.benchmark.record import Record
+from matest.benchmark.suite import Record
 from matest.benchmark.suites import table4
 from matest.brdf import LiTorrance
 

@@ -10,8 +10,7 @@ import pytest
 
 import matest
 from matest.benchmark.instruments import trial as trials
-from matest.benchmark.instruments.simulated import draw
-from matest.benchmark.instruments.trial import trial
+from matest.benchmark.instruments.trial import draw, trial
 
 
 @pytest.mark.parametrize("expression", ["oren-nayar", "cook-torrance", "li-torrance"])

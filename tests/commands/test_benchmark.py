@@ -12,7 +12,7 @@ import pytest
 from matest import benchmark, cli
 from matest.benchmark import suites
 from matest.benchmark.instruments import passes
-from matest.benchmark.record import Progress, Record
+from matest.benchmark.suite import Progress, Record
 from matest.benchmark.suites import frontier, limits, models, peers, stress
 
 # The suites of the estimator have tests of their own.
@@ -127,8 +127,7 @@ def test_against_races_the_peers_that_are_named(run, monkeypatch: pytest.MonkeyP
 DUMMY = """
 from rich.text import Text
 
-from matest.benchmark.record import Record
-from matest.benchmark.suite import Suite
+from matest.benchmark.suite import Record, Suite
 
 
 def measure(effort, progress):

@@ -12,7 +12,7 @@ import torch
 from scipy.optimize import least_squares
 from torch import Tensor
 
-from matest.benchmark.instruments.simulated import draw
+from matest.benchmark.instruments.trial import draw
 from matest.benchmark.suites.outliers import SPOILT
 from matest.brdf import CookTorrance, Lambert, OrenNayar, OrenNayarQualitative, TorranceSparrow
 from matest.estimators import Problem, at_bound, fit, fit_batches

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from torch import Tensor
 
-from matest.benchmark.instruments.bound import cramer_rao, problem_of
 from matest.benchmark.instruments.photographs import (
     FIX,
     MATERIALS,
@@ -25,9 +24,11 @@ from matest.capture import Capture
 from matest.scene import Surface
 from matest.shading import shade
 
+# Photographs of every contest.
 IMAGES = 12
+# Expression of the model that renderers have too.
 GLOSSY = "cook-torrance(masking=smith)"
-# With a pedestal: without it dark pixels lose the lower half of their noise, which rivals do not know of.
+# With a pedestal: without it, dark pixels lose the lower half of their noise, which rivals do not know of.
 _SENSOR = Sensor(black=0.03)
 
 
@@ -49,12 +50,10 @@ class Contest:
 
     @property
     def expression(self) -> str:
-        """Of the model."""
         return self.subject.material.expression
 
     @property
     def truth(self) -> Values:
-        """Value of every parameter."""
         return self.subject.material.parameters
 
     @property
@@ -64,8 +63,8 @@ class Contest:
 
     def bound(self) -> Values:
         """The Cramér-Rao bound of the standard error of every unknown, from all samples."""
-        problem = problem_of(self.subject, self.fixed)
-        std = cramer_rao(problem, self.subject).std
+        problem = self.subject.problem(self.fixed)
+        std = self.subject.cramer_rao(problem).std
         return {name: std[place] for name, place in problem.where.items()}
 
     def images(self) -> np.ndarray:
@@ -83,13 +82,7 @@ def sphere_of(expression: str, size: int) -> Contest:
 
 
 def contest_of(material: Brdf, surface: Surface, fix: Sequence[str], start: Mapping[str, float | Tensor]) -> Contest:
-    """Photograph an object of a material.
-
-    Args:
-        material, surface: the truth.
-        fix: names of the parameters that nobody has to find.
-        start: where rivals start, for every unknown.
-    """
+    """Photograph an object; rivals start at `start`, and nobody has to find the parameters that `fix` names."""
     photographed = subject(surface, ring(IMAGES), material, _SENSOR)
     capture = photographed.photograph()
     samples = capture.samples()

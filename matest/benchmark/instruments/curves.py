@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -50,12 +51,11 @@ class Curve:
 
     def points(self) -> list[tuple[float, float]]:
         """Seconds and the smallest error of a run then, at most `POINTS` times, evenly spaced in their logarithm."""
-        times = sorted({step.seconds for run in self.runs for step in run})
+        times = np.unique([step.seconds for run in self.runs for step in run])
         if len(times) > POINTS:
-            grid = [math.log(times[0]) + k / (POINTS - 1) * math.log(times[-1] / times[0]) for k in range(POINTS)]
-            nearest = {min(times, key=lambda at, g=g: abs(math.log(at) - g)) for g in grid}  # type: ignore[misc]
-            times = sorted(nearest)
-        return [(at, min(_at(run, at) for run in self.runs)) for at in times]
+            grid = np.geomspace(times[0], times[-1], POINTS)
+            times = times[np.unique(np.abs(np.log(times / grid[:, None])).argmin(1))]
+        return [(at, min(_at(run, at) for run in self.runs)) for at in times.tolist()]
 
     @property
     def end(self) -> float | None:
@@ -82,25 +82,19 @@ class Yardstick:
     bound: Values
     optimum: Values
 
-    def step(self, seconds: float, values: Mapping[str, Tensor]) -> Step:
-        """One result."""
-        return self.pooled(seconds, [values])
-
-    def pooled(self, seconds: float, results: Sequence[Mapping[str, Tensor]]) -> Step:
-        """Several results as good as each other: the root mean square error, and the largest distance."""
-        errors = [self._error(in_order(values)) for values in results]
+    def step(self, seconds: float, *results: Mapping[str, Tensor]) -> Step:
+        """One result; of several as good as each other the root mean square error, and the largest distance."""
+        square = sum(self._error(in_order(values)) ** 2 for values in results) / len(results)
         off = max(distance(in_order(values), in_order(self.optimum)) for values in results)
-        return Step(seconds, math.sqrt(sum(error**2 for error in errors) / len(errors)), off)
+        return Step(seconds, math.sqrt(square), off)
 
     def run(self, trace: Trace) -> list[Step]:
         """All results of a solver."""
         return [self.step(seconds, values) for seconds, values in zip(trace.seconds, trace.values, strict=True)]
 
     def _error(self, values: Values) -> float:
-        off = [
-            ((values[name].double() - self.truth[name].double()) / std).flatten() for name, std in self.bound.items()
-        ]
-        return float(torch.cat(off).square().mean().sqrt())
+        off = [(values[name].double() - self.truth[name].double()) / std for name, std in self.bound.items()]
+        return float(torch.cat([part.flatten() for part in off]).square().mean().sqrt())
 
 
 def in_order(values: Mapping[str, Tensor]) -> Values:

@@ -14,19 +14,14 @@ from matest.estimators.linear import amplitudes
 from matest.estimators.search import normal_equations
 from matest.photographs.samples import PhotographSamples
 
+# Nodes of the grid in all.
 NODES = 64
 
 
 def excess(problem: Problem, unknowns: Tensor, samples: PhotographSamples, nodes: int = NODES) -> float:
     """χ² at `unknowns` above the lowest on a grid where every node has its best amplitudes; negative below it.
 
-    The likelihood is expanded about the model's radiance for `unknowns`.
-
-    Args:
-        problem: what was estimated, without gauges.
-        unknowns: the estimate u [P].
-        samples: that it was made from.
-        nodes: of the grid in all.
+    The likelihood is expanded about the model's radiance for `unknowns`; the problem is one without gauges.
     """
     count = max(round(nodes ** (1 / max(len(problem.shapes), 1))), 2)
     axes = [_axis(problem, name, count) for name in problem.shapes]
@@ -35,8 +30,8 @@ def excess(problem: Problem, unknowns: Tensor, samples: PhotographSamples, nodes
     batches = [batch for batch in batches if len(batch)]
     factors, gram, moment = normal_equations(problem, batches, points, unknowns)
     values = problem.values(unknowns)
-    own = torch.stack([product(values, names).expand(problem.channels) for names in factors], dim=-1)
-    cost = float((own * ((gram[0] @ own[..., None])[..., 0] - 2 * moment[0])).sum())
+    estimate = torch.stack([product(values, names).expand(problem.channels) for names in factors], dim=-1)
+    cost = float((estimate * ((gram[0] @ estimate[..., None])[..., 0] - 2 * moment[0])).sum())
     _, costs = amplitudes(problem, factors, gram[1:], moment[1:], {})
     return cost - float(costs.min())
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 from zlib import crc32
 
@@ -17,6 +19,10 @@ import trimesh
 
 from matest.brdf import Brdf, model
 from matest.capture import Capture
+from matest.estimation.options import Options
+from matest.estimation.specification import specify
+from matest.estimators import Problem, accumulate
+from matest.estimators.covariance import Covariance, fisher
 from matest.photographs.noise import Noise
 from matest.photographs.photographs import Photographs
 from matest.photographs.photometry import Encoding
@@ -25,9 +31,9 @@ from matest.scene.camera import Camera
 from matest.scene.mesh import Mesh
 from matest.scene.surface import from_mesh, from_sphere
 from matest.shading import render_image
-from matest.simulate import simulate, stored_pixels
+from matest.simulate import expose, simulate, stored_pixels
 
-# Of a surface facing a light.
+# Irradiance of a surface facing a light.
 IRRADIANCE = 3.0
 # Fraction of full scale from which on a pixel counts as saturated.
 SATURATION = 0.98
@@ -103,17 +109,19 @@ class Subject:
     radiance: tuple[np.ndarray, ...]
 
     @property
-    def scale(self) -> float:
-        """Radiance of full scale."""
+    def encoding(self) -> Encoding:
+        """From pixels to radiance, exposed as the sensor is to be."""
         sensor, share = self.sensor, self.sensor.conditions.saturated
-        if not share:
-            return max(float(image.max()) for image in self.radiance) / (sensor.exposed - sensor.black)
-        brightest = np.concatenate([image.max(axis=1) for image in self.radiance])
-        return float(np.quantile(brightest[brightest > 0], 1 - share)) / (SATURATION - sensor.black)
+        if share:
+            brightest = np.concatenate([image.max(axis=1) for image in self.radiance])
+            level, place = np.quantile(brightest[brightest > 0], 1 - share), SATURATION
+        else:
+            level, place = max(image.max() for image in self.radiance), sensor.exposed
+        return Encoding(scale=float(level) / (place - sensor.black), black=sensor.black, saturation=SATURATION)
 
     def ideal(self) -> Capture:
         """Without noise, rounding, outliers and clipping; but pixels that would be saturated count as such."""
-        encoding = self._encoding()
+        encoding = self.encoding
         pixels = [(image / encoding.scale + encoding.black).astype(np.float32) for image in self.radiance]
         return self._capture(pixels, encoding)
 
@@ -121,18 +129,29 @@ class Subject:
         """As the sensor stores it. The same subject gives the same pixels every time."""
         sensor, conditions = self.sensor, self.sensor.conditions
         generator = np.random.default_rng([crc32(self.material.expression.encode()), self.seed, conditions.bits])
-        encoding, stored = self._encoding(), []
+        encoding, stored = self.encoding, []
         for image in self.radiance:
-            signal = image / encoding.scale
-            spread = np.sqrt(sensor.noise.read**2 + sensor.noise.gain * signal)
-            pixels = signal + sensor.black + spread * generator.standard_normal(signal.shape)
+            pixels = expose(image, 1.0, encoding, sensor.noise, generator)
             stray = generator.random(len(pixels)) < conditions.outliers
             pixels[stray] = generator.random((int(stray.sum()), pixels.shape[1]))
             stored.append(stored_pixels(pixels, encoding, conditions.bits))
         return self._capture(stored, encoding)
 
-    def _encoding(self) -> Encoding:
-        return Encoding(scale=self.scale, black=self.sensor.black, saturation=SATURATION)
+    def problem(self, fix: Mapping[str, Any]) -> Problem:
+        """What is estimated of it, some parameters fixed."""
+        options, channels = Options(fix=dict(fix)), self.scene.channels
+        return specify(self.material.expression, options, channels=channels, relative=False, scene=self.scene).problem
+
+    def cramer_rao(self, problem: Problem) -> Covariance:
+        """The least covariance of the unknowns [P], for an observer who knows which pixels are outliers or saturated.
+
+        Every other lit pixel off the rim counts, weighed by the noise at its true radiance.
+        """
+        truth = problem.unknowns_at(self.material.parameters)
+        tiles = self.ideal().samples(dtype=torch.float64).tiles(merge=False)
+        clean = 1 - self.sensor.conditions.outliers
+        information = accumulate(problem, truth, tiles, truth).information * clean
+        return fisher(information, torch.ones(problem.size, dtype=torch.bool))
 
     def _capture(self, stored: Sequence[np.ndarray], encoding: Encoding) -> Capture:
         dtype = np.dtype(np.uint8 if self.sensor.conditions.bits == 8 else np.uint16)
@@ -158,13 +177,7 @@ def subject(
     channels: int = 3,
     seed: int = 1,
 ) -> Subject:
-    """Put an object before a sensor, under one light a photograph.
-
-    Args:
-        surface, material, sensor, seed: as of the subject.
-        lights: unit vectors to them [K, 3].
-        channels: of the photographs.
-    """
+    """Put an object before a sensor, under one light a photograph: unit vectors toward them [K, 3]."""
     irradiance = torch.full((channels,), IRRADIANCE, dtype=torch.float64)
     lamps = tuple((DirectionalLight(torch.from_numpy(toward), irradiance),) for toward in lights)
     scene = Scene(surface, lamps, torch.zeros(len(lamps), channels, dtype=torch.float64)).with_shadows()
@@ -179,14 +192,11 @@ def material_of(expression: str) -> Brdf:
     return model(expression)[0].replace({name: torch.tensor(value, dtype=torch.float64) for name, value in values})
 
 
-def take(folder: Path, expression: str, *, images: int, size: int) -> Path:
-    """Photograph a sphere of `MATERIALS[expression]` into files: 16-bit RGB PNG, camera noise, one light an image.
+@contextmanager
+def in_files(expression: str, *, images: int, size: int) -> Iterator[Path]:
+    """A folder, while it is needed, with so many photographs, of `size`×`size` pixels, of a sphere of a material.
 
-    Args:
-        folder: where the capture goes.
-        expression: of the model.
-        images: their number.
-        size: of the square images in pixels.
+    They are 16-bit RGB PNG with camera noise, each under one light.
     """
     scene = {
         "material": {"model": expression, **MATERIALS[expression]},
@@ -198,9 +208,10 @@ def take(folder: Path, expression: str, *, images: int, size: int) -> Path:
             {"lights": [{"direction": toward.tolist(), "irradiance": [IRRADIANCE] * 3}]} for toward in ring(images)
         ],
     }
-    file = folder / "scene.toml"
-    file.write_text(tomli_w.dumps(scene), "utf-8")
-    return simulate(file)
+    with TemporaryDirectory() as folder:
+        file = Path(folder, "scene.toml")
+        file.write_text(tomli_w.dumps(scene), "utf-8")
+        yield simulate(file)
 
 
 def ring(count: int) -> np.ndarray:

@@ -13,7 +13,7 @@ from matest.brdf import Brdf
 from matest.scene import Points
 from matest.shading import shade
 
-# A solver has arrived where every parameter is this near to the optimum, relative.
+# Relative distance from the optimum, of the parameter that is farthest, at which a solver has arrived.
 CLOSE = 0.01
 
 Values = dict[str, Tensor]
@@ -53,15 +53,29 @@ class Task:
 
 @dataclass
 class Trace:
-    """What a solver would hand over, had it been stopped: its parameters, and the seconds since its start."""
+    """One run of a solver: what it would hand over, had it been stopped at any time.
+
+    Attributes:
+        begin: on the clock of `time.perf_counter`.
+        seconds, values: time since then and parameters of every result.
+        rate: the learning rate, if there is one.
+        note: what it was, for a person; empty: say how many results there are.
+    """
 
     begin: float = field(default_factory=time.perf_counter)
     seconds: list[float] = field(default_factory=list)
     values: list[Values] = field(default_factory=list)
+    rate: float | None = None
+    note: str = ""
 
     @property
     def elapsed(self) -> float:
         return time.perf_counter() - self.begin
+
+    @property
+    def account(self) -> str:
+        """What the run was, in a few words."""
+        return self.note or f"{len(self.values)} iterations in all"
 
     def add(self, values: Mapping[str, Tensor]) -> None:
         self.seconds.append(self.elapsed)
@@ -84,16 +98,12 @@ class Trace:
 def distance(values: Mapping[str, Tensor], optimum: Values) -> float:
     """The largest relative distance of a parameter from the optimum."""
     apart = [(values[name].double() / best.double() - 1).abs().max() for name, best in optimum.items()]
+    # torch's maximum of a NaN and a number is the NaN.
     return float(torch.stack(apart).max())
 
 
 def arrival(steps: Iterable[tuple[float, float]], limit: float) -> float | None:
-    """The time after which a quantity stays within its limit; None if it does not.
-
-    Args:
-        steps: times and values of the quantity.
-        limit: the highest value that is within.
-    """
+    """The time, out of (time, value), after which a value stays at or below its limit; None if it does not."""
     arrived = None
     for seconds, value in steps:
         # Not "above": a NaN is not within any limit.

@@ -1,4 +1,4 @@
-"""One simulated capture: the estimate against the truth, in units of the Cramér-Rao bound."""
+"""One simulated capture: drawn at random, and its estimate against the truth in units of the Cramér-Rao bound."""
 
 from __future__ import annotations
 
@@ -6,20 +6,38 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
+from zlib import crc32
 
+import numpy as np
 import torch
 from torch import Tensor
 
 import matest
-from matest.benchmark.instruments.bound import cramer_rao, problem_of
 from matest.benchmark.instruments.optimum import excess
-from matest.benchmark.instruments.photographs import CLEAN, Conditions, Subject
-from matest.benchmark.instruments.simulated import draw
+from matest.benchmark.instruments.photographs import CLEAN, Conditions, Sensor, Subject, sphere, subject, vase
+from matest.brdf import model
 from matest.estimation.result import Estimate
 from matest.estimators import Problem
 from matest.estimators.covariance import Covariance
+from matest.photographs.noise import Noise
 from matest.workers import single_threaded_torch
 
+# Pixels on a side of the images.
+SIZE = 64
+# The farthest that a light stands off the camera, degrees.
+_OBLIQUE = 75.0
+# Ranges that the truth is drawn from: (lowest, highest, logarithmic).
+_RANGES = {
+    "albedo": (0.1, 0.9, False),
+    "sigma": (math.radians(5), math.radians(50), False),
+    "diffuse": (0.05, 0.8, False),
+    "specular": (0.1, 0.9, False),
+    "slope": (0.05, 0.5, True),
+    "k_dd": (0.1, 0.9, False),
+    "k_uds": (0.05, 0.8, False),
+    # rms slope 2σ/τ of 0.05 to 0.5 at the default height σ = 1 µm.
+    "correlation_length": (4.0, 40.0, True),
+}
 # Parameters nearer than this many standard errors to an end of their domain do not count.
 _FROM_BOUND = 3.0
 # Nor do those whose standard error is above that of an even draw from the domain, relative to its width.
@@ -107,14 +125,7 @@ class Trial:
 
 
 def trial(expression: str, seed: int, conditions: Conditions = CLEAN, grid: bool = True) -> Trial:
-    """Draw, photograph, estimate and compare.
-
-    Args:
-        expression: of the model.
-        seed: of the draw.
-        conditions: of the camera.
-        grid: whether to look for an optimum below the estimate on a dense grid of the shape parameters.
-    """
+    """Draw, photograph, estimate and compare; with `grid`, look on a dense grid for an optimum below the estimate."""
     # Images are too small to be worth several threads.
     with single_threaded_torch():
         try:
@@ -133,8 +144,8 @@ def again(expression: str, seed: int, conditions: Conditions = CLEAN, grid: bool
 def _trial(drawn: Subject, grid: bool) -> Trial:
     expression, parameters = drawn.material.expression, drawn.material.parameters
     fix = {name: parameters[name].tolist() for name in _FIXED if name in drawn.material.declared}
-    capture, problem = drawn.photograph(), problem_of(drawn, fix)
-    covariance = cramer_rao(problem, drawn)
+    capture, problem = drawn.photograph(), drawn.problem(fix)
+    covariance = drawn.cramer_rao(problem)
     estimate = matest.estimate(capture, expression, fix=fix)
     above = None
     if grid:
@@ -142,6 +153,40 @@ def _trial(drawn: Subject, grid: bool) -> Trial:
         above = excess(problem, unknowns, capture.samples(dtype=torch.float64))
     figures = tuple(_figures(problem, problem.unknowns_at(parameters), covariance, estimate))
     return Trial(expression, drawn.seed, figures, above, estimate.fit.errors, _about(drawn))
+
+
+def draw(expression: str, seed: int, conditions: Conditions = CLEAN) -> Subject:
+    """Draw at random: sphere or vase; 1, 3 or 12 lights; one channel or three; material, noise and exposure.
+
+    The same seed draws the same. Parameters without a range of their own keep their defaults.
+    """
+    generator = np.random.default_rng([crc32(expression.encode()), seed])
+    brdf = model(expression)[0]
+    channels = int(generator.choice((1, 3)))
+    values = {}
+    for name, declared in brdf.declared.items():
+        if name in _RANGES:
+            low, high, log = _RANGES[name]
+            share = generator.random(channels if declared.per_channel else 1)
+            value = low * (high / low) ** share if log else low + (high - low) * share
+            values[name] = torch.as_tensor(value if declared.per_channel else value[0])
+    surface = (sphere, vase)[generator.integers(2)](SIZE)
+    lights = np.array([_direction(generator) for _ in range(generator.choice((1, 3, 12)))])
+    sensor = Sensor(
+        noise=Noise(5e-4 * 10 ** generator.random(), 1e-5 * 100 ** generator.random()),
+        black=float(generator.choice((0.0, 0.03))),
+        exposed=0.5 + 0.4 * generator.random(),
+        conditions=conditions,
+    )
+    return subject(surface, lights, brdf.replace(values), sensor, channels=channels, seed=seed)
+
+
+def _direction(generator: np.random.Generator) -> list[float]:
+    """A unit vector, evenly drawn within `_OBLIQUE` of the camera."""
+    z = 1 - generator.random() * (1 - math.cos(math.radians(_OBLIQUE)))
+    turn = 2 * math.pi * generator.random()
+    across = math.sqrt(1 - z * z)
+    return [across * math.cos(turn), across * math.sin(turn), z]
 
 
 def _figures(problem: Problem, truth: Tensor, bound: Covariance, estimate: Estimate) -> Iterator[Figure]:

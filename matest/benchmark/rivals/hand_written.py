@@ -10,22 +10,18 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
+from matest.benchmark.instruments.contest import GLOSSY
 from matest.benchmark.instruments.task import Task, Trace, Values
 from matest.scene import Points
 
+# Steps after which Levenberg-Marquardt gives up.
 _ITERATIONS = 60
 # The shape parameter changes by at most this factor at a step.
 _FACTOR = 2.0
 
 
 class Unknowns(NamedTuple):
-    """Some amplitudes a channel, and one shape parameter.
-
-    Attributes:
-        amplitudes: their names; their bounds are 0 and 1.
-        shape: name of the shape parameter.
-        lower, upper: its bounds.
-    """
+    """Names of some amplitudes a channel, bounded by 0 and 1, and of one shape parameter with its bounds."""
 
     amplitudes: tuple[str, ...]
     shape: str
@@ -36,10 +32,7 @@ class Unknowns(NamedTuple):
 class Model(NamedTuple):
     """A model prepared for some samples.
 
-    Attributes:
-        unknowns: what it depends on.
-        evaluate: radiance [n, C] and its derivatives [A + 1, n, C] by amplitudes and shape, from amplitudes [A, C] and
-            shape.
+    `evaluate` gives, for amplitudes [A, C] and shape, the radiance [n, C] and its derivatives by them [A + 1, n, C].
     """
 
     unknowns: Unknowns
@@ -47,9 +40,6 @@ class Model(NamedTuple):
 
 
 DIELECTRIC = Unknowns(("diffuse", "specular"), "slope", 1e-3, 1.0)
-
-
-Prepare = Callable[[Points], Model]
 
 
 class Normal(NamedTuple):
@@ -60,10 +50,10 @@ class Normal(NamedTuple):
     gradient: Tensor
 
 
-def levenberg_marquardt(task: Task, prepare: Prepare) -> Trace:
+def levenberg_marquardt(task: Task) -> Trace:
     """Fit from the task's start; what depends on the geometry alone is computed once, and counts as time."""
     trace = Trace()
-    model = prepare(task.points)
+    model = MODELS[task.start.expression](task.points)
     like, channels, count = task.radiance, task.radiance.shape[1], len(model.unknowns.amplitudes)
 
     def evaluate(unknowns: Tensor) -> Normal:
@@ -79,19 +69,16 @@ def levenberg_marquardt(task: Task, prepare: Prepare) -> Trace:
     return trace
 
 
-def optimum(task: Task, truth: Values, prepare: Prepare) -> Values:
+def optimum(task: Task, truth: Values) -> Values:
     """The optimum of the likelihood, in double precision from the truth."""
     exact = replace(task.double(), start=task.start.replace(truth))
-    return levenberg_marquardt(exact, prepare).values[-1]
+    return levenberg_marquardt(exact).values[-1]
 
 
 def assembled(cost: Tensor, normal: Tensor, slope: Tensor) -> Normal:
     """Normal equations of the amplitudes of each channel, one after another, and the shape that they share.
 
-    Args:
-        cost: weighted sum of squares.
-        normal: JᵀWJ of amplitudes and shape in every channel [C, A + 1, A + 1].
-        slope: JᵀWr likewise [C, A + 1].
+    They come from JᵀWJ [C, A + 1, A + 1] and JᵀWr [C, A + 1] of amplitudes and shape in every channel.
     """
     channels, rows = slope.shape
     size = (rows - 1) * channels + 1
@@ -234,3 +221,11 @@ def oren_nayar(points: Points) -> Model:
         return radiance, torch.stack([by_albedo, by_sigma])
 
     return Model(Unknowns(("albedo",), "sigma", 0.0, math.pi / 2), evaluate)
+
+
+# By expression.
+MODELS: dict[str, Callable[[Points], Model]] = {
+    "oren-nayar": oren_nayar,
+    "cook-torrance": cook_torrance,
+    GLOSSY: cook_torrance_smith,
+}

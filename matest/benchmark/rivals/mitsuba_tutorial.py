@@ -31,7 +31,7 @@ class Scenes:
 
     Args:
         images: of a sphere of `GLOSSY` by `sphere_of`, or the first of them [K, S, S, 3].
-        start: the material.
+        start: `diffuse` [3], `specular` [3], `slope`.
 
     Raises:
         ImportError: Mitsuba or LLVM is missing.
@@ -70,16 +70,12 @@ class Scenes:
 def tutorial(images: np.ndarray, start: Values, rate: float, done: Callable[[Trace], bool]) -> Trace:
     """Adam on the mean squared difference of the images, one backward pass an image, from scenes not yet loaded.
 
-    Args:
-        images: to be matched.
-        start: `diffuse` [3], `specular` [3], `slope`.
-        rate: learning rate.
-        done: whether to stop, asked after every step.
+    It goes on until `done`, which is asked after every step.
     """
     import drjit as dr
     import mitsuba as mi
 
-    trace = Trace()
+    trace = Trace(rate=rate, note=f"learning rate {rate:g}")
     scenes = Scenes(images, start)
     targets = [mi.TensorXf(image.astype(np.float32)) for image in images]
     optimiser = mi.ad.Adam(lr=rate)

@@ -1,123 +1,113 @@
-"""Rivals of matest on one task: what each would hand over, had it been stopped at any time."""
+"""The race on one contest: what each rival would hand over, had it been stopped at any time."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple
 
-from matest.benchmark.instruments.task import CLOSE, Task, Trace, Values
-from matest.benchmark.rivals import hand_written, solvers
-from matest.benchmark.rivals.hand_written import Prepare
+from matest.benchmark.instruments.contest import GLOSSY, Contest
+from matest.benchmark.instruments.passes import no_compiler, timed
+from matest.benchmark.instruments.task import CLOSE, Trace, Values
+from matest.benchmark.rivals import hand_written, renderers, solvers
+from matest.benchmark.suite import Effort, Progress
 
 # Samples a step of Adam on mini-batches.
 BATCH = 16_384
-# Adam ends after this many steps within reach of the optimum,
-SETTLED = 30
-# or, where its error at the end counts, within this relative distance of it.
-STILL = 1e-3
-# A learning rate that takes so many times as long as the best so far has lost.
-_LOST = 2.0
+
+Once = Callable[[float], list[Trace]]
 
 
-class Run(NamedTuple):
-    """One run of a solver.
+@dataclass(frozen=True)
+class Rules:
+    """How a race is run.
 
     Attributes:
-        trace: its results.
-        note: what it was, for a person.
-        rate: its learning rate, if it has one.
-    """
-
-    trace: Trace
-    note: str
-    rate: float | None = None
-
-
-Once = Callable[[float], list[Run]]
-Done = Callable[[Trace], bool]
-
-
-def rivals(
-    task: Task,
-    optimum: Values,
-    prepare: Prepare | None,
-    *,
-    rates: Sequence[float],
-    rounds: int,
-    close: float = CLOSE,
-    hurry: bool = True,
-) -> dict[str, Once]:
-    """Solvers on the torch shader, and the one written by hand where there is a model for it.
-
-    Each takes the seconds after which a run ends, and runs once before, uncounted: what a process loads and prepares
-    once counts for nobody.
-
-    Args:
-        task: what they are given.
-        optimum: of the likelihood.
-        prepare: the model for the solver written by hand, if there is one.
         rates: Adam's learning rates, the most promising first.
         rounds: runs of solvers that have none.
-        close, hurry: as of `tuned`.
+        of_mitsuba: seconds after which a run of Mitsuba ends.
+        close: relative distance from the optimum at which Adam has arrived.
+        hurry: whether runs of Adam end that take much longer than its best so far.
+        compiles: whether torch also compiles what Adam and L-BFGS evaluate.
     """
 
-    def adam(batch: int | None, patience: float) -> list[Run]:
-        solvers.adam(task, batch, rates[0], lambda _: True)
-        runs = tuned(partial(solvers.adam, task, batch), rates, optimum, patience, close=close, hurry=hurry)
-        size = "all samples" if batch is None else f"{batch:,} samples"
-        return [run._replace(note=f"{run.note}, {size} a step") for run in runs]
+    rates: tuple[float, ...]
+    rounds: int
+    of_mitsuba: float
+    close: float = CLOSE
+    hurry: bool = True
+    compiles: bool = False
 
-    def repeated(once: Callable[[], Trace]) -> list[Run]:
+
+def race(
+    case: str,
+    contest: Contest,
+    optimum: Values,
+    rules: Rules,
+    patience: Callable[[str], float],
+    effort: Effort,
+    progress: Progress,
+) -> Iterator[tuple[str, list[Trace], str]]:
+    """Every rival that the effort asks for: its name, its runs, and why there are none if there are none.
+
+    A solver runs once before, uncounted: what a process loads and prepares once counts for nobody.
+
+    Args:
+        case: for the progress.
+        contest, optimum: what they are given, and its likelihood's optimum.
+        rules, effort: how, and who races.
+        patience: seconds after which a run of a solver in this process ends, by its name.
+        progress: called before each.
+    """
+    task = contest.task
+    runs: dict[str, list[Trace]] = {}
+
+    def adam(batch: int | None, patience: float) -> list[Trace]:
+        solvers.adam(task, batch, rules.rates[0], lambda _: True)
+        once = partial(solvers.adam, task, batch)
+        return solvers.tuned(once, rules.rates, optimum, patience, close=rules.close, hurry=rules.hurry)
+
+    def repeated(once: Callable[[], Trace]) -> list[Trace]:
         once()
-        return [iterated(once()) for _ in range(rounds)]
+        return [once() for _ in range(rules.rounds)]
+
+    def compiled_adam(patience: float) -> list[Trace]:
+        best = soonest(runs["adam"], optimum)
+        rate = best[1].rate if best is not None else None
+        until = partial(solvers.finished, optimum=optimum, limit=patience)
+        return _compiled(partial(solvers.adam, task, None, rate or rules.rates[0], until))
 
     every: dict[str, Once] = {
-        "adam": lambda patience: adam(None, patience),
-        "adam, mini-batches": lambda patience: adam(BATCH, patience),
+        "adam": partial(adam, None),
+        "adam, mini-batches": partial(adam, BATCH),
         "l-bfgs": lambda patience: repeated(partial(solvers.lbfgs, task, patience=patience)),
         "least_squares": lambda patience: repeated(partial(solvers.least_squares, task, patience=patience)),
     }
-    if prepare is not None:
-        every["levenberg-marquardt"] = lambda _: repeated(partial(hand_written.levenberg_marquardt, task, prepare))
-    return every
+    if contest.expression in hand_written.MODELS:
+        every["levenberg-marquardt"] = lambda _: repeated(partial(hand_written.levenberg_marquardt, task))
+    if rules.compiles:
+        every["adam, compiled"] = compiled_adam
+        every["l-bfgs, compiled"] = lambda patience: _compiled(partial(solvers.lbfgs, task, patience=patience))
+    for name, once in every.items():
+        if effort.races(name):
+            progress(f"{case}: {name}")
+            runs[name] = once(patience(name))
+            yield name, runs[name], no_compiler()
+    if contest.expression == GLOSSY and effort.races("mitsuba, dr.jit"):
+        progress(f"{case}: mitsuba, dr.jit")
+        rendered = renderers.race_of_sphere(contest.subject.scene.surface.shape[0], rules.of_mitsuba)
+        yield from ((name, several, renderers.MISSING) for name, several in rendered.items())
 
 
-def tuned(
-    once: Callable[[float, Done], Trace],
-    rates: Sequence[float],
-    optimum: Values,
-    patience: float,
-    *,
-    close: float = CLOSE,
-    hurry: bool = True,
-) -> list[Run]:
-    """A run for every learning rate.
-
-    Args:
-        once: a run, from the learning rate and whether to stop, asked after every step.
-        rates: the most promising first.
-        optimum: of the likelihood.
-        patience: seconds after which a run ends.
-        close: relative distance from the optimum at which it has arrived.
-        hurry: whether runs end that take much longer than the best so far.
-    """
-    runs: list[Run] = []
-    limit = patience
-    for rate in rates:
-        trace = once(rate, partial(finished, optimum=optimum, close=close, limit=limit))
-        runs.append(Run(trace, f"learning rate {rate:g}", rate))
-        arrived = trace.arrival(optimum)
-        if hurry and arrived is not None:
-            limit = min(limit, _LOST * arrived)
-    return runs
+def _compiled(once: Callable[..., Trace]) -> list[Trace]:
+    """A run whose code is compiled before it starts; none where there is no compiler."""
+    if no_compiler():
+        return []
+    trace, seconds = timed(lambda: once(compiled=True))
+    return [replace(trace, note=f"after {seconds - trace.seconds[-1]:.3g} s of compiling")]
 
 
-def finished(trace: Trace, optimum: Values, close: float, limit: float) -> bool:
-    """Whether Adam has come to stay near the optimum, or its time is up."""
-    return trace.settled(optimum, SETTLED, close) or trace.elapsed > limit
-
-
-def iterated(trace: Trace) -> Run:
-    """A run of a solver that has no learning rate."""
-    return Run(trace, f"{len(trace.values)} iterations in all")
+def soonest(runs: Sequence[Trace], optimum: Values) -> tuple[float, Trace] | None:
+    """The run that comes to stay at the optimum first, after its seconds; None if none does."""
+    arrivals = [(seconds, run) for run in runs if (seconds := run.arrival(optimum)) is not None]
+    return min(arrivals, key=lambda one: one[0], default=None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import tempfile
 from collections.abc import Iterator
 from concurrent.futures.process import BrokenProcessPool
@@ -14,32 +15,36 @@ import torch
 from matest.benchmark.instruments.contest import GLOSSY, Contest, sphere_of
 from matest.benchmark.instruments.task import CLOSE, Task, Trace, Values
 from matest.benchmark.rivals import drjit_solver, mitsuba_tutorial
-from matest.benchmark.rivals.hand_written import cook_torrance_smith, optimum
-from matest.benchmark.rivals.race import STILL, Run, iterated, tuned
+from matest.benchmark.rivals.hand_written import optimum
+from matest.benchmark.rivals.solvers import tuned
 from matest.workers import processes
 
 MISSING = (
     'not measured: Mitsuba 3 or LLVM is missing; pip install "matest-brdf[peers]", install LLVM (Debian: apt-get '
     "install libllvm19) and, if it is not found, set DRJIT_LIBLLVM_PATH to its libLLVM.so"
 )
+NAMES = ("mitsuba", "mitsuba, compiling", "dr.jit", "dr.jit, prepared", "dr.jit, compiling")
 # Adam's learning rates that are tried in Mitsuba, the most promising first.
 RATES = (0.1, 0.03, 0.3)
+# Runs of the Dr.Jit solver after the one that compiles.
 ROUNDS = 3
-# A run of Mitsuba ends after so many seconds.
-PATIENCE, PATIENCE_QUICK = 120.0, 2.0
+# Relative distance from the optimum at which Adam ends: where errors at the end count, nearer than "arrived".
+STILL = 1e-3
+# Seconds after which a run of Mitsuba ends.
+PATIENCE = 120.0
+PATIENCE_QUICK = 2.0
 
-# A run as another process hands it over: without tensors, each of which would be sent through a file of its own.
-_Plain = tuple[str, str, float | None, list[float], list[dict[str, list[float]]]]
+Runs = dict[str, list[Trace]]
 
 
 @lru_cache(maxsize=1)
-def race_of_sphere(size: int, patience: float) -> dict[str, list[Run]]:
+def race_of_sphere(size: int, patience: float) -> Runs:
     """`race` on a glossy sphere, which takes minutes: run once for all suites that show it."""
     contest = sphere_of(GLOSSY, size)
-    return race(contest, optimum(contest.task, contest.truth, cook_torrance_smith), patience, STILL)
+    return race(contest, optimum(contest.task, contest.truth), patience, STILL)
 
 
-def race(contest: Contest, best: Values, patience: float, close: float = CLOSE) -> dict[str, list[Run]]:
+def race(contest: Contest, best: Values, patience: float, close: float = CLOSE) -> Runs:
     """Runs of both from the task's start, by name; none if Mitsuba, Dr.Jit or LLVM is missing or unusable.
 
     `mitsuba` is its tutorial with every learning rate, `dr.jit` the hand-written solver, both compiled before;
@@ -55,40 +60,35 @@ def race(contest: Contest, best: Values, patience: float, close: float = CLOSE) 
     """
     with tempfile.TemporaryDirectory() as home, processes(1, _at_home, home) as pool:
         try:
-            plain = pool.submit(_race, contest.task, contest.images(), best, patience, close).result()
+            return pickle.loads(pool.submit(_race, contest.task, contest.images(), best, patience, close).result())
         except (ImportError, BrokenProcessPool):
             return {"mitsuba": [], "dr.jit": []}
-    runs: dict[str, list[Run]] = {}
-    for name, note, rate, seconds, values in plain:
-        tensors = [{key: torch.tensor(value) for key, value in one.items()} for one in values]
-        runs.setdefault(name, []).append(Run(Trace(seconds=seconds, values=tensors), note, rate))
-    return runs
 
 
 def _at_home(home: str) -> None:
     os.environ["HOME"] = home
 
 
-def _race(task: Task, images: np.ndarray, best: Values, patience: float, close: float) -> list[_Plain]:
-    plain = []
-    for name, (trace, note, rate) in _runs(task, images, best, patience, close):
-        values = [{key: value.tolist() for key, value in one.items()} for one in trace.values]
-        plain.append((name, note, rate, trace.seconds, values))
-    return plain
+def _race(task: Task, images: np.ndarray, best: Values, patience: float, close: float) -> bytes:
+    runs: Runs = {name: [] for name in NAMES}
+    for name, trace in _runs(task, images, best, patience, close):
+        runs[name].append(trace)
+    # As bytes: between processes, torch sends every tensor through a file of its own.
+    return pickle.dumps(runs)
 
 
-def _runs(task: Task, images: np.ndarray, best: Values, patience: float, close: float) -> Iterator[tuple[str, Run]]:
+def _runs(task: Task, images: np.ndarray, best: Values, patience: float, close: float) -> Iterator[tuple[str, Trace]]:
     # Before anything of matest takes a core: both spread over all of them.
-    yield "dr.jit, compiling", iterated(drjit_solver.levenberg_marquardt(task)[0])
+    yield "dr.jit, compiling", drjit_solver.levenberg_marquardt(task)[0]
     for _ in range(ROUNDS):
         trace, preparation = drjit_solver.levenberg_marquardt(task)
-        yield "dr.jit", iterated(trace)
-        yield "dr.jit, prepared", iterated(trace.shifted(-preparation))
+        yield "dr.jit", trace
+        yield "dr.jit, prepared", trace.shifted(-preparation)
     channels = images.shape[-1]
     start = {name: torch.atleast_1d(task.start.parameters[name]) for name in ("diffuse", "specular")}
     start = {name: value.expand(channels) for name, value in start.items()} | {"slope": task.start.parameters["slope"]}
     once = partial(mitsuba_tutorial.tutorial, images, start)
     cold, warm = (once(RATES[0], lambda trace: len(trace.values) == 1).seconds[0] for _ in range(2))
-    for run in tuned(once, RATES, best, patience, close=close):
-        yield "mitsuba", run
-        yield "mitsuba, compiling", run._replace(trace=run.trace.shifted(cold - warm))
+    for trace in tuned(once, RATES, best, patience, close=close):
+        yield "mitsuba", trace
+        yield "mitsuba, compiling", trace.shifted(cold - warm)

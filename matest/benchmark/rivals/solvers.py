@@ -4,38 +4,78 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import partial
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from matest.benchmark.instruments.task import Task, Trace, Values
+from matest.benchmark.instruments.task import CLOSE, Task, Trace, Values
 from matest.parameters import Role
 from matest.shading import shade
 from matest.training.trainable import Trainable
 
+# Iterations after which L-BFGS gives up.
 _LBFGS_ITERATIONS = 200
+# Adam has come to stay after this many steps in a row near the optimum.
+SETTLED = 30
+# A learning rate that takes so many times as long as the best so far has lost.
+_LOST = 2.0
+
+Done = Callable[[Trace], bool]
 
 
 class _OutOfTime(Exception):
     """Ends a solver that cannot be asked to stop."""
 
 
-def adam(task: Task, batch: int | None, rate: float, done: Callable[[Trace], bool], *, compiled: bool = False) -> Trace:
-    """Adam on all samples at every step, or on mini-batches of `batch` in random order.
+def tuned(
+    once: Callable[[float, Done], Trace],
+    rates: Sequence[float],
+    optimum: Values,
+    patience: float,
+    *,
+    close: float = CLOSE,
+    hurry: bool = True,
+) -> list[Trace]:
+    """A run of Adam for every learning rate.
 
     Args:
-        task: what is fitted.
-        batch: samples a step; None: all.
-        rate: learning rate.
-        done: whether to stop, asked after every step.
+        once: a run, from the learning rate and whether to stop, asked after every step.
+        rates: the most promising first.
+        optimum: of the likelihood.
+        patience: seconds after which a run ends.
+        close: relative distance from the optimum at which it has arrived.
+        hurry: whether runs end that take much longer than the best so far.
+    """
+    runs: list[Trace] = []
+    limit = patience
+    for rate in rates:
+        runs.append(once(rate, partial(finished, optimum=optimum, limit=limit, close=close)))
+        arrived = runs[-1].arrival(optimum)
+        if hurry and arrived is not None:
+            limit = min(limit, _LOST * arrived)
+    return runs
+
+
+def finished(trace: Trace, optimum: Values, limit: float, close: float = CLOSE) -> bool:
+    """Whether Adam has come to stay near the optimum, or its time is up."""
+    return trace.settled(optimum, SETTLED, close) or trace.elapsed > limit
+
+
+def adam(task: Task, batch: int | None, rate: float, done: Done, *, compiled: bool = False) -> Trace:
+    """Adam at a learning rate, until `done`, which is asked after every step.
+
+    Args:
+        batch: samples a step, in random order; None: all.
         compiled: whether torch compiles the cost of all samples, before the clock starts.
     """
     module = _module(task)
     cost = _cost(task, module, compiled)
-    trace = Trace()
+    size = "all samples" if batch is None else f"{batch:,} samples"
+    trace = Trace(rate=rate, note=f"learning rate {rate:g}, {size} a step")
     optimiser = torch.optim.Adam(module.parameters(), lr=rate)
     generator = torch.Generator().manual_seed(0)
     while True:
@@ -51,13 +91,7 @@ def adam(task: Task, batch: int | None, rate: float, done: Callable[[Trace], boo
 
 
 def lbfgs(task: Task, *, compiled: bool = False, patience: float = math.inf) -> Trace:
-    """L-BFGS with strong-Wolfe line search; at any time it hands over what had the lowest cost.
-
-    Args:
-        task: what is fitted.
-        compiled: as of `adam`.
-        patience: seconds after which it ends.
-    """
+    """L-BFGS with strong-Wolfe line search, for so many seconds; its results are those of the lowest cost yet."""
     module = _module(task)
     cost = _cost(task, module, compiled)
     trace = Trace()
@@ -81,22 +115,15 @@ def lbfgs(task: Task, *, compiled: bool = False, patience: float = math.inf) -> 
 
 
 def least_squares(task: Task, *, patience: float = math.inf) -> Trace:
-    """scipy's trust-region reflective solver with bounds and the Jacobian of torch's forward mode.
-
-    Args:
-        task: what is fitted.
-        patience: seconds after which it ends.
-    """
+    """scipy's trust-region reflective solver, for so many seconds, with the Jacobian of torch's forward mode."""
     from scipy.optimize import least_squares as solve
 
     trace, dtype = Trace(), task.radiance.dtype
-    root, base = task.weight.sqrt(), task.start.to(task.radiance.dtype, "cpu")
-    domains = {name: task.start.declared[name].domain for name in task.free}
+    root, base = task.weight.sqrt(), task.start.to(dtype, "cpu")
     start = _spread(task, base.parameters)
     sizes = [len(value) for value in start.values()]
-    lower, upper = (
-        np.repeat([getattr(domain, end) for domain in domains.values()], sizes) for end in ("lower", "upper")
-    )
+    domains = [task.start.declared[name].domain for name in task.free]
+    bounds = tuple(np.repeat([getattr(domain, end) for domain in domains], sizes) for end in ("lower", "upper"))
 
     def unpack(x: object) -> Values:
         return dict(zip(task.free, torch.as_tensor(x, dtype=dtype).split(sizes), strict=True))
@@ -116,7 +143,7 @@ def least_squares(task: Task, *, patience: float = math.inf) -> Trace:
 
     with suppress(_OutOfTime):
         first = torch.cat(list(start.values())).double().numpy()
-        solution = solve(function, first, jac=jacobian, bounds=(lower, upper), method="trf", x_scale="jac")
+        solution = solve(function, first, jac=jacobian, bounds=bounds, method="trf", x_scale="jac")
         trace.add(unpack(solution.x))
     return trace
 
@@ -128,11 +155,7 @@ def _spread(task: Task, parameters: Values) -> Values:
 
 
 def _check_time(trace: Trace, patience: float) -> None:
-    """Hand over the last result once more when the time is up.
-
-    Raises:
-        _OutOfTime: then.
-    """
+    """When the time is up, hand over the last result once more and raise `_OutOfTime`."""
     if trace.elapsed > patience and trace.values:
         trace.add(trace.values[-1])
         raise _OutOfTime

@@ -10,17 +10,18 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
+from matest.benchmark.instruments import pooling
 from matest.benchmark.instruments import trial as trials
 from matest.benchmark.instruments.photographs import CLEAN, Conditions
-from matest.benchmark.instruments.pooling import Targets, records
+from matest.benchmark.instruments.pooling import Targets
 from matest.benchmark.instruments.trial import Trial, trial
-from matest.benchmark.record import Progress, Record
-from matest.benchmark.suite import Effort, Suite
+from matest.benchmark.suite import Effort, Progress, Record, Suite
 from matest.benchmark.tables import by_case, case_name, figure, page, ruled
 from matest.workers import processes
 
 MODELS = ("lambert", "oren-nayar", "oren-nayar-exact", "cook-torrance", "li-torrance")
-CAPTURES, CAPTURES_QUICK = 2000, 4
+CAPTURES = 2000
+CAPTURES_QUICK = 4
 TARGETS = Targets(error=1.05, lowest_coverage=0.93, highest_coverage=0.97)
 again = trials.again
 
@@ -36,37 +37,30 @@ def pooled(
 ) -> Iterator[Record]:
     """Records of every model under some conditions. Optima are compared with a grid where nothing spoils the pixels.
 
-    Args:
-        suite: name in the records.
-        conditions: of the camera.
-        targets: limits of the figures.
-        captures: of every model.
-        seconds: after which no more are begun; every model has the same share.
-        progress: called after each.
+    After so many seconds, of which every model has the same share, no more captures are begun.
     """
     with processes(captures) as pool:
         for expression in MODELS:
             one = partial(trial, expression, conditions=conditions, grid=conditions == CLEAN)
-            done: list[Trial] = []
+            results: list[Trial] = []
             end = time.perf_counter() + seconds / len(MODELS)
             for result in pool.map(one, range(captures)):
-                done.append(result)
-                progress(expression, len(done), captures)
+                results.append(result)
+                progress(expression, len(results), captures)
                 if time.perf_counter() > end:
                     break
-            yield from records(suite, expression, done, targets)
+            yield from pooling.records(suite, expression, results, targets)
 
 
-def table(found: Sequence[Record]) -> Group:
+def table(records: Sequence[Record]) -> Group:
     """Pooled errors and coverage with their intervals, optima missed; then parameter by parameter."""
     lowest, highest = TARGETS.lowest_coverage, TARGETS.highest_coverage
-    conditions = f"16-bit images. Limits: error {TARGETS.error:g}, coverage {lowest:g} to {highest:g}."
-    return pooled_table(found, conditions)
+    return pooled_table(records, f"16-bit images. Limits: error {TARGETS.error:g}, coverage {lowest:g} to {highest:g}.")
 
 
-def pooled_table(found: Sequence[Record], conditions: str) -> Group:
+def pooled_table(records: Sequence[Record], conditions: str) -> Group:
     """The same under any conditions."""
-    cases = by_case(found)
+    cases = by_case(records)
     counts = sorted({int(metrics["captures"].value or 0) for metrics in cases.values()})
     captures = " to ".join(f"{count:,}" for count in dict.fromkeys((counts[0], counts[-1])))
     about = (
@@ -76,7 +70,7 @@ def pooled_table(found: Sequence[Record], conditions: str) -> Group:
         "Unknowns: those that the samples determine and whose truth lies 3 standard errors from a bound; given: their "
         "share that the estimate names. In brackets the 95 % Monte-Carlo interval."
     )
-    return page(about, _over_all(cases), "", Text(legend), "", _by_parameter(cases), records=found)
+    return page(about, _over_all(cases), "", Text(legend), "", _by_parameter(cases), records=records)
 
 
 def _over_all(cases: dict[str, dict[str, Record]]) -> Table:

@@ -15,30 +15,34 @@ from matest.benchmark.instruments.contest import GLOSSY, IMAGES, Contest, contes
 from matest.benchmark.instruments.curves import Curve, Yardstick
 from matest.benchmark.instruments.passes import timed
 from matest.benchmark.instruments.photographs import sphere, vase
-from matest.benchmark.instruments.task import CLOSE, Values
-from matest.benchmark.record import Progress, Record
-from matest.benchmark.rivals import hand_written, renderers
-from matest.benchmark.rivals.hand_written import Prepare
-from matest.benchmark.rivals.race import STILL, Run, rivals
-from matest.benchmark.suite import Effort, Suite
+from matest.benchmark.instruments.task import CLOSE, Trace, Values
+from matest.benchmark.rivals import renderers
+from matest.benchmark.rivals.race import Rules, race
+from matest.benchmark.suite import Effort, Progress, Record, Suite
 from matest.benchmark.tables import by_case, case_name, figure, ruled
 from matest.brdf import CookTorrance, OrenNayar, preset
 
-SIZE, SIZE_QUICK = 256, 48
+# Pixels on a side of the images.
+SIZE = 256
+SIZE_QUICK = 48
 # `precision` of the estimates that make matest's curve; None reads every pixel.
 PRECISIONS = (0.1, 0.03, 0.01, 0.003, 0.001, None)
 PRECISIONS_QUICK = (0.01, None)
 # Seeds of matest's subsamples, whose errors are pooled.
-SEEDS, SEEDS_QUICK = 3, 1
-# Adam's learning rates.
-RATES, RATES_QUICK = (0.1, 0.03, 0.3), (0.1,)
+SEEDS = 3
+SEEDS_QUICK = 1
+# Adam's learning rates, the most promising first.
+RATES = (0.1, 0.03, 0.3)
 # Runs of solvers that have none.
 ROUNDS = 2
-# A run of Adam ends after so many seconds.
-PATIENCE, PATIENCE_QUICK = 20.0, 0.5
+# Seconds after which a run of Adam ends.
+PATIENCE = 20.0
+PATIENCE_QUICK = 0.5
 # Where times are compared: when a quantity of `Step` comes to stay below a limit.
 BOUNDS = "to 2 bounds"
 EQUAL = {BOUNDS: ("error", 2.0), "to 1 %": ("off", CLOSE)}
+# Rivals of `race` without a curve here: what they differ in from another is one time.
+UNDRAWN = ("mitsuba, compiling", "dr.jit, prepared", "dr.jit, compiling")
 # Peers that take less than this share of matest's time beat it.
 SLOWER = 1.0
 # What follows a solver's name in the metric of its last error.
@@ -67,38 +71,40 @@ def _paper_sphere(size: int) -> Contest:
     return contest_of(preset("laser-paper"), sphere(size), ["f0", "height_rms", "k_fs"], start)
 
 
-# Of every scene the contest, from the size of its images, and the model for the Levenberg-Marquardt solver written by
-# hand, if there is one.
-CASES: dict[str, tuple[Callable[[int], Contest], Prepare | None]] = {
-    "oren-nayar vase": (_rough_vase, hand_written.oren_nayar),
-    "cook-torrance sphere": (partial(sphere_of, GLOSSY), hand_written.cook_torrance_smith),
-    "copper vase": (_copper_vase, None),
-    "laser-paper sphere": (_paper_sphere, None),
+# Of every scene the contest, from the size of its images.
+CASES: dict[str, Callable[[int], Contest]] = {
+    "oren-nayar vase": _rough_vase,
+    "cook-torrance sphere": partial(sphere_of, GLOSSY),
+    "copper vase": _copper_vase,
+    "laser-paper sphere": _paper_sphere,
 }
 
 
 def measure(effort: Effort, progress: Progress) -> Iterator[Record]:
     """Records of every scene; of the first alone in a quick run."""
-    for name, (make, prepare) in list(CASES.items())[: 1 if effort.quick else None]:
+    rules = Rules(
+        rates=RATES[:1] if effort.quick else RATES,
+        rounds=ROUNDS,
+        of_mitsuba=renderers.PATIENCE_QUICK if effort.quick else renderers.PATIENCE,
+        close=renderers.STILL,
+        hurry=False,
+    )
+
+    def patience(solver: str) -> float:
+        seconds = PATIENCE_QUICK if effort.quick else PATIENCE
+        return seconds if solver.startswith("adam") else math.inf
+
+    for name, make in list(CASES.items())[: 1 if effort.quick else None]:
         contest = make(SIZE_QUICK if effort.quick else SIZE)
         yield Record("frontier", name, "samples", len(contest.task.radiance), "1", "higher")
         progress(f"{name}: matest")
-        own, yardstick = _matest(contest, effort.quick)
-        yield from figures(name, "matest", own, own)
-        rates = RATES_QUICK if effort.quick else RATES
-        solvers = rivals(contest.task, yardstick.optimum, prepare, rates=rates, rounds=ROUNDS, close=STILL, hurry=False)
-        for solver, once in solvers.items():
-            if effort.races(solver):
-                progress(f"{name}: {solver}")
-                patience = PATIENCE_QUICK if effort.quick else PATIENCE
-                runs = once(patience if solver.startswith("adam") else math.inf)
-                yield from figures(name, solver, curve_of(runs, yardstick), own)
-        if contest.expression == GLOSSY and effort.races("mitsuba, dr.jit"):
-            progress(f"{name}: mitsuba, dr.jit")
-            patience = renderers.PATIENCE_QUICK if effort.quick else renderers.PATIENCE
-            race = renderers.race_of_sphere(contest.subject.scene.surface.shape[0], patience)
-            for solver, curve in of_renderers(race, yardstick).items():
-                yield from figures(name, solver, curve, own)
+        of_matest, yardstick = _matest(contest, effort.quick)
+        yield from figures(name, "matest", of_matest, of_matest)
+        for solver, runs, missing in race(name, contest, yardstick.optimum, rules, patience, effort, progress):
+            if solver not in UNDRAWN:
+                note = "compiled before" if solver in renderers.NAMES else ""
+                curve = curve_of(runs, yardstick, note) if runs else Curve(note=missing)
+                yield from figures(name, solver, curve, of_matest)
 
 
 def _matest(contest: Contest, quick: bool) -> tuple[Curve, Yardstick]:
@@ -116,37 +122,25 @@ def _matest(contest: Contest, quick: bool) -> tuple[Curve, Yardstick]:
     runs = [[timed(partial(once, precision, seed)) for seed in range(seeds)] for precision in precisions]
     # The last has read every pixel.
     yardstick = Yardstick(contest.truth, contest.bound(), runs[-1][0][0])
-    steps = [
-        [yardstick.pooled(min(seconds for _, seconds in seeded), [values for values, _ in seeded])] for seeded in runs
-    ]
+    steps = [[yardstick.step(min(times), *values)] for values, times in (zip(*run, strict=True) for run in runs)]
     return Curve(steps, f"precisions of {precisions[0]:g} to none asked for, {seeds} seeds each"), yardstick
 
 
-def curve_of(runs: Sequence[Run], yardstick: Yardstick, note: str = "") -> Curve:
+def curve_of(runs: Sequence[Trace], yardstick: Yardstick, note: str = "") -> Curve:
     """All learning rates of a solver that has some, else its quickest run."""
     if runs[0].rate is None:
-        quickest = min((run.trace for run in runs), key=lambda trace: trace.seconds[-1])
-        return Curve([yardstick.run(quickest)], note)
+        return Curve([yardstick.run(min(runs, key=lambda run: run.seconds[-1]))], note)
     rates = ", ".join(f"{run.rate:g}" for run in runs)
-    note = note or f"learning rates {rates}, the best at every time"
-    return Curve([yardstick.run(run.trace) for run in runs], note)
+    return Curve([yardstick.run(run) for run in runs], note or f"learning rates {rates}, the best at every time")
 
 
-def of_renderers(race: dict[str, list[Run]], yardstick: Yardstick) -> dict[str, Curve]:
-    """Mitsuba and Dr.Jit; empty curves with the reason where they are missing."""
-    return {
-        name: curve_of(race[name], yardstick, "compiled before") if race[name] else Curve(note=renderers.MISSING)
-        for name in ("mitsuba", "dr.jit")
-    }
-
-
-def figures(case: str, estimator: str, curve: Curve, own: Curve) -> Iterator[Record]:
+def figures(case: str, estimator: str, curve: Curve, of_matest: Curve) -> Iterator[Record]:
     """Times to equal errors, the error at the end, and the points of the curve."""
     for what, (quantity, limit) in EQUAL.items():
-        taken, of_matest = curve.arrival(quantity, limit), own.arrival(quantity, limit)
+        taken, reference = curve.arrival(quantity, limit), of_matest.arrival(quantity, limit)
         yield Record("frontier", case, f"{estimator}: {what}", taken, "s", note=curve.note)
         if estimator != "matest":
-            ratio = None if taken is None or of_matest is None else taken / of_matest
+            ratio = None if taken is None or reference is None else taken / reference
             yield Record("frontier", case, f"{estimator}: {what} / matest", ratio, "1", "higher", SLOWER, curve.note)
     yield Record("frontier", case, f"{estimator}{_END}", curve.end, "1", note=curve.note)
     for number, (seconds, error) in enumerate(curve.points()):
@@ -154,11 +148,11 @@ def figures(case: str, estimator: str, curve: Curve, own: Curve) -> Iterator[Rec
         yield Record("frontier", case, f"{estimator}: point {number}, error", error, "1")
 
 
-def table(found: Sequence[Record]) -> Group:
+def table(records: Sequence[Record]) -> Group:
     """Seconds to equal errors, times matest's, and errors at the end; then where matest loses."""
     times = ruled("", "to 2 ×\nthe bound", "times\nmatest's", "to 1 %", "times\nmatest's", "error at\nthe end")
     losses, missing = [], {}
-    for case, metrics in by_case(found).items():
+    for case, metrics in by_case(records).items():
         times.add_row(case_name(case))
         for solver in (name.removesuffix(_END) for name in metrics if name.endswith(_END)):
             end = metrics[f"{solver}{_END}"]

@@ -9,21 +9,31 @@ from time import perf_counter
 import torch
 from rich.console import Group
 from rich.text import Text
-from torch import Tensor
 
-from matest.benchmark.instruments.passes import element_wise, heavy, product, seconds
-from matest.benchmark.instruments.timing import TILE, forward, forward_and_backward, no_compiler, random_directions
-from matest.benchmark.record import Progress, Record
-from matest.benchmark.suite import Effort, Suite
+from matest.benchmark.instruments.passes import (
+    TILE,
+    Evaluate,
+    element_wise,
+    forward,
+    heavy,
+    no_compiler,
+    product,
+    random_directions,
+    seconds,
+)
+from matest.benchmark.suite import Effort, Progress, Record, Suite
 from matest.benchmark.suites import table4
 from matest.benchmark.tables import by_case, case_name, figure, largest, page, ruled
-from matest.brdf import MODELS, Brdf, model, variants
+from matest.brdf import MODELS, model, variants
 
-PAIRS, PAIRS_QUICK = 1_000_000, 100_000
+# Pairs of directions.
+PAIRS = 1_000_000
+PAIRS_QUICK = 100_000
 # Gradient against value, at most.
 GRADIENT_LIMIT = 4.0
-# A value against the element-wise passes it needs, at most, of the model that is held to it.
-PASS_LIMIT, PASS_LIMIT_OF = 3.0, "cook-torrance"
+# A value against the element-wise passes it needs, at most, and the model that is held to it.
+PASS_LIMIT = 3.0
+PASS_LIMIT_OF = "cook-torrance"
 _METRICS = ("forward time", "forward", "forward + backward time", "forward + backward", "gradient")
 _PASSES = ("passes", "time per pass", "time of its own passes")
 
@@ -52,60 +62,47 @@ def times_of(expression: str, pairs: int, compiled: bool) -> Iterator[Record]:
     tenth of the pairs, tile by tile only: they hold hundreds of numbers for each pair.
     """
     brdf = model(expression)[0]
-    leaves = {name: value.float().requires_grad_() for name, value in brdf.parameters.items()}
-    brdf = brdf.replace(leaves)
+    brdf = brdf.replace({name: value.float().requires_grad_() for name, value in brdf.parameters.items()})
     whole = not heavy(brdf)
-    modes = {"tiled": TILE, "one call": pairs} if whole else {"tiled": TILE}
     n = pairs if whole else pairs // 10
     wi, wo = random_directions(n)
 
-    yield Record("models", expression, "pairs", n, "1", "higher")
-    for mode, tile in modes.items():
-        times = seconds(product(n, tile), forward(brdf, wi, wo, tile), forward_and_backward(brdf, wi, wo, tile))
-        yield from _times(expression, mode, times, n, GRADIENT_LIMIT)
+    def timed(mode: str, evaluate: Evaluate, tile: int, limit: float | None = GRADIENT_LIMIT) -> Iterator[Record]:
+        """Value, and value with gradient, with all tiles; of the first tile its passes."""
+        runs = (forward(evaluate, wi, wo, tile), forward(evaluate, wi, wo, tile, backward=True))
+        one_pass, value, both = seconds(product(n, tile), *runs)
+        for metric, time in (("forward", value), ("forward + backward", both)):
+            yield Record("models", expression, f"{mode} {metric}", time / one_pass, "pass")
+            yield Record("models", expression, f"{mode} {metric} time", 1e9 * time / n, "ns")
+        yield Record("models", expression, f"{mode} gradient", both / value, "forward", limit=limit)
         if mode == "tiled":
-            yield from _passes(expression, brdf, wi[:TILE], wo[:TILE], times[0] / n, times[1] / n)
-    if compiled and whole:
-        yield from _compiled(expression, brdf, wi, wo)
+            written, needed = element_wise(lambda: brdf(wi[:tile], wo[:tile]))
+            share, passes = len(wi[:tile]) / n, written / len(wi[:tile])
+            held = PASS_LIMIT if brdf.name == PASS_LIMIT_OF else None
+            yield Record("models", expression, "passes", passes, "1")
+            yield Record("models", expression, "time per pass", value / one_pass / passes, "pass", limit=held)
+            yield Record("models", expression, "time of its own passes", value * share / needed, "1", limit=held)
 
-
-def _times(expression: str, mode: str, times: list[float], n: int, limit: float | None) -> Iterator[Record]:
-    one_pass, forward, both = times
-    for metric, time in (("forward", forward), ("forward + backward", both)):
-        yield Record("models", expression, f"{mode} {metric}", time / one_pass, "pass")
-        yield Record("models", expression, f"{mode} {metric} time", 1e9 * time / n, "ns")
-    yield Record("models", expression, f"{mode} gradient", both / forward, "forward", limit=limit)
-
-
-def _passes(expression: str, brdf: Brdf, wi: Tensor, wo: Tensor, one_pass: float, forward: float) -> Iterator[Record]:
-    """A value against the element-wise passes it needs: counted, and each timed by itself on the same numbers."""
-    written, own = element_wise(lambda: brdf(wi, wo))
-    passes = written / len(wi)
-    limit = PASS_LIMIT if brdf.name == PASS_LIMIT_OF else None
-    yield Record("models", expression, "passes", passes, "1")
-    yield Record("models", expression, "time per pass", forward / (passes * one_pass), "pass", limit=limit)
-    yield Record("models", expression, "time of its own passes", forward * len(wi) / own, "1", limit=limit)
-
-
-def _compiled(expression: str, brdf: Brdf, wi: Tensor, wo: Tensor) -> Iterator[Record]:
-    if not (note := no_compiler()):
+    yield Record("models", expression, "pairs", n, "1", "higher")
+    yield from timed("tiled", brdf, TILE)
+    if whole:
+        yield from timed("one call", brdf, n)
+    if whole and compiled:
         torch.compiler.reset()
-        evaluate = torch.compile(brdf.__call__)
-        n = len(wi)
+        note = no_compiler()
         try:
-            with warnings.catch_warnings(action="ignore"):
-                times = seconds(product(n, n), forward(evaluate, wi, wo, n), forward_and_backward(evaluate, wi, wo, n))
+            if not note:
+                with warnings.catch_warnings(action="ignore"):
+                    yield from list(timed("compiled", torch.compile(brdf.__call__), n, limit=None))
         except RuntimeError as error:
             note = f"torch.compile failed: {str(error).splitlines()[0]}"
-        else:
-            yield from _times(expression, "compiled", times, n, None)
-            return
-    yield Record("models", expression, "compiled forward", None, "pass", note=note)
+        if note:
+            yield Record("models", expression, "compiled forward", None, "pass", note=note)
 
 
-def table(found: Sequence[Record]) -> Group:
+def table(records: Sequence[Record]) -> Group:
     """Times of every model: tile by tile, in one call, compiled; then its element-wise passes; then Table 4."""
-    cases = by_case([record for record in found if not record.case.startswith((table4.CASE, table4.WITHOUT))])
+    cases = by_case([record for record in records if not record.case.startswith((table4.CASE, table4.WITHOUT))])
     threads = cases.pop("all")["threads"].value
     times = ruled("", "forward\nns", "forward\npasses", "+backward\nns", "+backward\npasses", "ratio")
     passes = ruled("", "passes", "time\nper pass", "time /\nown passes")
@@ -117,15 +114,16 @@ def table(found: Sequence[Record]) -> Group:
                 times.add_row(f"  {mode}", *map(figure, row))
         passes.add_row(case_name(case), *(figure(metrics[metric]) for metric in _PASSES))
     about = (
-        f"{largest(found, 'pairs'):,} pairs of directions (a tenth for sums over facets), float32, threads: {threads}. "
-        "Per pair: forward is the value, +backward also its gradient by the parameters, ratio the second to the first. "
-        f"A pass is one element-wise product of two tensors, in the same tiles of {TILE:,} (tiled) or whole."
+        f"{largest(records, 'pairs'):,} pairs of directions (a tenth for sums over facets), float32, "
+        f"threads: {threads}. Per pair: forward is the value, +backward also its gradient by the "
+        f"parameters, ratio the second to the first. A pass is one element-wise product of two tensors, "
+        f"in the same tiles of {TILE:,} (tiled) or whole."
     )
     legend = (
         "Passes: numbers that operations write, per pair. Time per pass: tiled forward / (passes × the pass above). "
         "Own passes: the time of the same operations alone."
     )
-    return page(about, times, "", Text(legend), "", passes, *table4.tables(found), records=found)
+    return page(about, times, "", Text(legend), "", passes, *table4.tables(records), records=records)
 
 
 SUITE = Suite(measure, table, share=200)

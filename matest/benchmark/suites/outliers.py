@@ -9,12 +9,12 @@ from rich.console import Group
 from matest.benchmark.instruments import trial
 from matest.benchmark.instruments.photographs import Conditions
 from matest.benchmark.instruments.pooling import Targets
-from matest.benchmark.record import Progress, Record
-from matest.benchmark.suite import Effort, Suite
+from matest.benchmark.suite import Effort, Progress, Record, Suite
 from matest.benchmark.suites.efficiency import pooled, pooled_table
 
 SPOILT = Conditions(bits=8, outliers=0.02, saturated=0.05)
-CAPTURES, CAPTURES_QUICK = 2000, 2
+CAPTURES = 2000
+CAPTURES_QUICK = 2
 TARGETS = Targets(error=1.3, lowest_coverage=0.90)
 
 
@@ -29,13 +29,13 @@ def again(expression: str, seed: int) -> str:
     return trial.again(expression, seed, SPOILT, grid=False)
 
 
-def table(found: Sequence[Record]) -> Group:
+def table(records: Sequence[Record]) -> Group:
     """Pooled errors and coverage with their intervals; then parameter by parameter."""
     conditions = (
         f"8-bit images, {SPOILT.outliers:.0%} of the pixels outliers, {SPOILT.saturated:.0%} saturated. Limits: error "
         f"{TARGETS.error:g} (bound of the clean samples), coverage {TARGETS.lowest_coverage:g}."
     )
-    return pooled_table(found, conditions)
+    return pooled_table(records, conditions)
 
 
 SUITE = Suite(measure, table, share=120)

@@ -2,32 +2,34 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
+from scipy.stats import linregress
 
 import matest
 from matest.benchmark.instruments.passes import timed
 from matest.benchmark.instruments.photographs import FIX, MATERIALS, Sensor, material_of, ring, sphere, subject
-from matest.benchmark.record import Progress, Record
-from matest.benchmark.suite import Effort, Suite
+from matest.benchmark.suite import Effort, Progress, Record, Suite
 from matest.benchmark.suites import limits
 from matest.benchmark.tables import by_case, figure, limit, page, ruled
 from matest.capture import Capture
 
 MODEL = "oren-nayar"
-# Images of the series of pixels, and sides of its square images. The series of images begins at the same number, all of
-# the first side; that of parameters has the first side too.
+# Images of the series of pixels and of parameters; that of images begins with as many.
 IMAGES = 12
-SIDES, SIDES_QUICK = (512, 724, 1024, 1448), (64, 91, 128, 181)
+# Pixels on a side of the images of the first series, each twice as many in all; the other series have the first side.
+SIDES = (512, 724, 1024, 1448)
+SIDES_QUICK = (64, 91, 128, 181)
+# Numbers of images, as multiples of the first.
 TIMES = (1, 2, 4, 8)
-ROUNDS, ROUNDS_QUICK = 2, 1
-# A capture so small that only the cost that every estimate has is left.
+# Estimates, of which the shortest counts.
+ROUNDS = 2
+ROUNDS_QUICK = 1
+# Pixels on a side of images so small that only the cost that every estimate has is left.
 TINY = 16
 # Exponents of pixels and of images, at most.
 LIMIT = 1.05
@@ -35,39 +37,23 @@ LIMIT = 1.05
 GLOSSY = "cook-torrance"
 FREED = (("slope",), ("slope", "diffuse"), ("slope", "diffuse", "specular"))
 
-
-@dataclass(frozen=True)
-class PowerLaw:
-    """time ∝ size^exponent, by least squares between the logarithms; `std` is the exponent's standard error."""
-
-    exponent: float
-    std: float
+# The size of a workload, its photographs, and the parameters that are fixed.
+Workload = tuple[int, Capture, Mapping[str, Any]]
 
 
-def power_law(sizes: Sequence[float], times: Sequence[float]) -> PowerLaw:
-    """Fit a power law to three points or more."""
-    x, y = np.log(sizes), np.log(times)
-    x, y = x - x.mean(), y - y.mean()
-    exponent = float(x @ y / (x @ x))
-    residual = y - exponent * x
-    return PowerLaw(exponent, math.sqrt(float(residual @ residual) / (len(x) - 2) / float(x @ x)))
+def power_law(sizes: Sequence[float], times: Sequence[float]) -> Any:
+    """time ∝ size^`slope`, by least squares between the logarithms; `stderr` is the exponent's standard error."""
+    return linregress(np.log(sizes), np.log(times))
 
 
 def measure(effort: Effort, progress: Progress) -> Iterator[Record]:
     """Records of the three series."""
     sides, rounds = (SIDES_QUICK, ROUNDS_QUICK) if effort.quick else (SIDES, ROUNDS)
     least = _shortest(spheres(MODEL, IMAGES, TINY), MODEL, {}, ROUNDS + 1)
-    yield from _pixels(sides, rounds, least, progress)
-    yield from _images(sides[0], rounds, least, progress)
-    yield from _parameters(sides[0], rounds, progress)
 
-
-def _pixels(sides: Sequence[int], rounds: int, least: float, progress: Progress) -> Iterator[Record]:
-    times = {}
-    for number, side in enumerate(sides):
-        progress("pixels", number, len(sides))
-        capture = spheres(MODEL, IMAGES, side)
-        times[len(capture.scene.surface)] = _shortest(capture, MODEL, {}, rounds)
+    captures = (spheres(MODEL, IMAGES, side) for side in sides)
+    growing: Iterator[Workload] = ((len(capture.scene.surface), capture, {}) for capture in captures)
+    times, capture = _times("pixels", MODEL, growing, len(sides), rounds, progress)
     yield from _series("pixels", f"{IMAGES} images", times, least, LIMIT)
     per_value = max(times.values()) / (len(capture.samples()) * capture.channels)
     yield Record("scaling", "pixels", "time per sample", per_value / limits.machine().tiled, "pass")
@@ -75,24 +61,32 @@ def _pixels(sides: Sequence[int], rounds: int, least: float, progress: Progress)
     copies = per_value / (2 * limits.machine().copy)
     yield Record("scaling", "pixels", "time / copying the pixels", copies, "1")
 
+    # Of all lights every so many, so that they stay on all sides.
+    steps = (TIMES[-1] // multiple for multiple in TIMES)
+    captures = (spheres(MODEL, IMAGES * TIMES[-1], sides[0], step) for step in steps)
+    times, capture = _times("images", MODEL, ((len(one), one, {}) for one in captures), len(TIMES), rounds, progress)
+    pixels = f"{len(capture.scene.surface):,} pixels"
+    yield from _series("images", pixels, times, least, LIMIT)
 
-def _images(side: int, rounds: int, least: float, progress: Progress) -> Iterator[Record]:
-    times, capture = {}, spheres(MODEL, IMAGES * TIMES[-1], side)
-    for number, multiple in enumerate(TIMES):
-        progress("images", number, len(TIMES))
-        times[IMAGES * multiple] = _shortest(every(capture, TIMES[-1] // multiple), MODEL, {}, rounds)
-    yield from _series("images", f"{len(capture.scene.surface):,} pixels", times, least, LIMIT)
-
-
-def _parameters(side: int, rounds: int, progress: Progress) -> Iterator[Record]:
-    times, capture, truth = {}, spheres(GLOSSY, IMAGES, side), MATERIALS[GLOSSY]
     least = _shortest(spheres(GLOSSY, IMAGES, TINY), GLOSSY, FIX[GLOSSY], ROUNDS + 1)
-    for number, free in enumerate(FREED):
-        progress("parameters", number, len(FREED))
-        fix = {name: value for name, value in truth.items() if name not in free}
-        count = sum(np.size(truth[name]) for name in free)
-        times[count] = _shortest(capture, GLOSSY, fix, rounds)
-    yield from _series("parameters", f"{IMAGES} images of {len(capture.scene.surface):,} pixels", times, least)
+    capture, truth = spheres(GLOSSY, IMAGES, sides[0]), MATERIALS[GLOSSY]
+    fewer = (
+        (sum(np.size(truth[name]) for name in free), capture, {name: truth[name] for name in truth if name not in free})
+        for free in FREED
+    )
+    times, _ = _times("parameters", GLOSSY, fewer, len(FREED), rounds, progress)
+    yield from _series("parameters", f"{IMAGES} images of {pixels}", times, least)
+
+
+def _times(
+    case: str, expression: str, workloads: Iterable[Workload], count: int, rounds: int, progress: Progress
+) -> tuple[dict[int, float], Capture]:
+    """Seconds of every size, and the last photographs."""
+    times = {}
+    for number, (size, capture, fix) in enumerate(workloads):
+        progress(case, number, count)
+        times[size] = _shortest(capture, expression, fix, rounds)
+    return times, capture
 
 
 def _series(
@@ -103,30 +97,16 @@ def _series(
     for size, seconds in times.items():
         yield Record("scaling", case, f"time of {size:,}", seconds, "s")
     yield Record("scaling", case, "least time", least, "s")
-    note = f"exponent ± {law.std:.2f}, {of}; {TINY}×{TINY} pixels take {least / min(times.values()):.0%} of the first"
-    yield Record("scaling", case, "exponent", law.exponent, "1", limit=most, note=note)
-    yield Record("scaling", case, "exponent, standard error", law.std, "1")
-
-
-def spheres(expression: str, images: int, side: int) -> Capture:
-    """Photographs in memory, in square images of `side` pixels."""
-    return subject(sphere(side), ring(images), material_of(expression), Sensor()).photograph()
-
-
-def every(capture: Capture, step: int) -> Capture:
-    """Every `step`-th photograph of a capture, so that the lights stay on all sides."""
-    whole, kept = capture.photographs, slice(None, None, step)
-    scene = replace(
-        whole.scene,
-        lights=whole.scene.lights[kept],
-        ambient=whole.scene.ambient[kept],
-        shadows=whole.scene.shadows[kept],
-        shadow_edge=whole.scene.shadow_edge[kept],
+    note = (
+        f"exponent ± {law.stderr:.2f}, {of}; {TINY}×{TINY} pixels take {least / min(times.values()):.0%} of the first"
     )
-    photographs = replace(
-        whole, scene=scene, stored=whole.stored[kept], exposures=whole.exposures[kept], names=whole.names[kept]
-    )
-    return replace(capture, photographs=photographs)
+    yield Record("scaling", case, "exponent", float(law.slope), "1", limit=most, note=note)
+    yield Record("scaling", case, "exponent, standard error", float(law.stderr), "1")
+
+
+def spheres(expression: str, images: int, side: int, step: int = 1) -> Capture:
+    """Every `step`-th of some photographs in memory, in square images of `side` pixels."""
+    return subject(sphere(side), ring(images)[::step], material_of(expression), Sensor()).photograph()
 
 
 def _shortest(capture: Capture, expression: str, fix: Mapping[str, Any], rounds: int) -> float:
@@ -134,10 +114,10 @@ def _shortest(capture: Capture, expression: str, fix: Mapping[str, Any], rounds:
     return min(timed(lambda: matest.estimate(capture, expression, fix=dict(fix)))[1] for _ in range(rounds))
 
 
-def table(found: Sequence[Record]) -> Group:
+def table(records: Sequence[Record]) -> Group:
     """Times of every series, and the exponent of its power law."""
     parts: list[RenderableType] = []
-    cases = by_case(found)
+    cases = by_case(records)
     for case, metrics in cases.items():
         times = {name.removeprefix("time of "): r for name, r in metrics.items() if name.startswith("time of ")}
         series = ruled(case, *times, f"{TINY}×{TINY}\npixels", "exponent", "limit")
@@ -155,7 +135,7 @@ def table(found: Sequence[Record]) -> Group:
     legend = (
         f"The most pixels take {passes:.0f} element-wise passes a value, {copies:.0f} times copying the stored pixels."
     )
-    return page(about, *parts, Text(legend), records=found)
+    return page(about, *parts, Text(legend), records=records)
 
 
 SUITE = Suite(measure, table)

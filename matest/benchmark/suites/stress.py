@@ -6,24 +6,27 @@ import math
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 import torch
 from rich.console import Group
 from torch import Tensor
 
-from matest.benchmark.instruments import precision
+from matest.benchmark.instruments import adversarial
 from matest.benchmark.instruments.adversarial import direction_pairs, parameter_values
 from matest.benchmark.instruments.passes import heavy
-from matest.benchmark.record import Progress, Record
-from matest.benchmark.suite import Effort, Suite
+from matest.benchmark.suite import Effort, Progress, Record, Suite
 from matest.benchmark.tables import by_case, case_name, figure, largest, page, ruled
 from matest.brdf import MODELS, Brdf, model, variants
 from matest.progress import silent
 
-POINTS, POINTS_QUICK = 10_000_000, 8_192
-# Points at a time: as many as stay near the cache; of a sum over thousands of facets, as few as keep their derivatives
-# below 3 GB.
-TILE, TILE_HEAVY = 16_384, 4096
+# Adversarial points a model.
+POINTS = 10_000_000
+POINTS_QUICK = 8_192
+# Points at a time: as many as stay near the cache,
+TILE = 16_384
+# and of a sum over thousands of facets as few as keep their derivatives below 3 GB.
+TILE_HEAVY = 4096
 SEED = 1
 
 Inputs = dict[str, Tensor]
@@ -69,7 +72,7 @@ def examine(brdf: Brdf, points: int, progress: Progress = silent, seconds: float
     for (dtype, kind), tally in tallies.items():
         metric = f"{str(dtype).removeprefix('torch.')} non-finite {kind}"
         records.append(Record("stress", case, metric, tally.broken, "1", limit=0, note=tally.note))
-    worst, note = precision.worst_error(brdf, min(400, examined // 250), generator)
+    worst, note = adversarial.worst_error(brdf, min(400, examined // 250), generator)
     return [*records, Record("stress", case, "float32 error", worst, "tolerance", limit=1, note=note)]
 
 
@@ -78,15 +81,12 @@ def _values(brdf: Brdf, inputs: Inputs) -> Results:
         return {"value": _evaluate(brdf, inputs)}
 
 
-def _first(brdf: Brdf, inputs: Inputs) -> Results:
-    leaves = _leaves(inputs)
-    return _gradient(_evaluate(brdf, leaves).sum(), leaves)
-
-
-def _second(brdf: Brdf, inputs: Inputs) -> Results:
-    """Derivatives of a randomly weighted sum of the first ones."""
-    leaves = _leaves(inputs)
-    first = _gradient(_evaluate(brdf, leaves).sum(), leaves, create_graph=True)
+def _reverse(brdf: Brdf, inputs: Inputs, *, second: bool = False) -> Results:
+    """First derivatives, or those of a randomly weighted sum of them."""
+    leaves = {name: value.detach().requires_grad_() for name, value in inputs.items()}
+    first = _gradient(_evaluate(brdf, leaves).sum(), leaves, create_graph=second)
+    if not second:
+        return first
     # Derivatives that are constant have none of their own.
     weighted = [(slope * _random_like(slope)).sum() for slope in first.values() if slope.requires_grad]
     return _gradient(torch.stack(weighted).sum(), leaves) if weighted else {}
@@ -95,39 +95,50 @@ def _second(brdf: Brdf, inputs: Inputs) -> Results:
 def _forward(brdf: Brdf, inputs: Inputs) -> Results:
     """The derivative along a random direction, by forward mode."""
     tangents = {name: _random_like(value) for name, value in inputs.items()}
-    return {"value": torch.func.jvp(lambda inputs: _evaluate(brdf, inputs), (inputs,), (tangents,))[1]}
+    return {"value": torch.func.jvp(partial(_evaluate, brdf), (inputs,), (tangents,))[1]}
 
 
 def _batched(brdf: Brdf, inputs: Inputs) -> Results:
     """Value and gradient point by point, under vmap."""
-
-    def value(inputs: Inputs) -> Tensor:
-        return _evaluate(brdf, inputs).sum()
-
-    gradients, values = torch.vmap(torch.func.grad_and_value(value))(inputs)
+    value = torch.func.grad_and_value(lambda inputs: _evaluate(brdf, inputs).sum())
+    gradients, values = torch.vmap(value)(inputs)
     return {"value": values[:, None], **{f"by {name}": gradient for name, gradient in gradients.items()}}
 
 
-Compute = Callable[[Brdf, Inputs], Results]
+def _evaluate(brdf: Brdf, inputs: Inputs) -> Tensor:
+    return brdf.replace({name: inputs[name] for name in brdf.declared})(inputs["wi"], inputs["wo"])
+
+
+def _gradient(total: Tensor, inputs: Inputs, create_graph: bool = False) -> Results:
+    gradients = torch.autograd.grad(
+        total, list(inputs.values()), create_graph=create_graph, allow_unused=True, materialize_grads=True
+    )
+    return {f"by {name}": gradient for name, gradient in zip(inputs, gradients, strict=True)}
+
+
+def _random_like(tensor: Tensor) -> Tensor:
+    return torch.randn(tensor.shape, generator=torch.Generator().manual_seed(SEED), dtype=tensor.dtype)
+
+
 # What is computed, and at one in how many points.
-KINDS: dict[str, tuple[Compute, int]] = {
+KINDS: dict[str, tuple[Callable[[Brdf, Inputs], Results], int]] = {
     "values": (_values, 1),
-    "first derivatives": (_first, 1),
-    "second derivatives": (_second, 20),
+    "first derivatives": (_reverse, 1),
+    "second derivatives": (partial(_reverse, second=True), 20),
     "forward derivatives": (_forward, 20),
     "batched derivatives": (_batched, 1000),
 }
 
 
 class _Tally:
-    """How many points gave something that is not finite, and for every input the first of them."""
+    """How many points gave something that is not finite, and of every result how many, and where the first of them."""
 
     def __init__(self) -> None:
         self.broken = 0
         self._counts: Counter[str] = Counter()
         self._first: dict[str, str] = {}
 
-    def add(self, inputs: Inputs, compute: Compute, brdf: Brdf) -> None:
+    def add(self, inputs: Inputs, compute: Callable[[Brdf, Inputs], Results], brdf: Brdf) -> None:
         n = len(inputs["wi"])
         try:
             results = compute(brdf, inputs)
@@ -140,7 +151,7 @@ class _Tally:
             if bad.any():
                 broken |= bad
                 self._counts[name] += int(bad.sum())
-                self._first.setdefault(name, precision.place(inputs, int(bad.nonzero()[0])))
+                self._first.setdefault(name, adversarial.place(inputs, int(bad.nonzero()[0])))
         self.broken += int(broken.sum())
 
     @property
@@ -151,30 +162,10 @@ class _Tally:
         return "\n".join(f"{', '.join(names)}: first at {place}" for place, names in by_place.items())
 
 
-def _evaluate(brdf: Brdf, inputs: Inputs) -> Tensor:
-    return brdf.replace({name: inputs[name] for name in brdf.declared})(inputs["wi"], inputs["wo"])
-
-
-def _leaves(inputs: Inputs) -> Inputs:
-    return {name: value.detach().requires_grad_() for name, value in inputs.items()}
-
-
-def _gradient(total: Tensor, inputs: Inputs, create_graph: bool = False) -> Results:
-    gradients = torch.autograd.grad(
-        total, list(inputs.values()), create_graph=create_graph, allow_unused=True, materialize_grads=True
-    )
-    return {f"by {name}": gradient for name, gradient in zip(inputs, gradients, strict=True)}
-
-
-def _random_like(tensor: Tensor) -> Tensor:
-    generator = torch.Generator().manual_seed(SEED)
-    return torch.randn(tensor.shape, generator=generator, dtype=tensor.dtype)
-
-
-def table(found: Sequence[Record]) -> Group:
+def table(records: Sequence[Record]) -> Group:
     """Non-finite results of every model in both precisions, the error of float32, and where the failures were."""
     failures = ruled("non-finite", *(kind.replace(" derivatives", "") for kind in KINDS), "float32\nerror")
-    for case, metrics in by_case(found).items():
+    for case, metrics in by_case(records).items():
         failures.add_row(case_name(case))
         for dtype in ("float32", "float64"):
             counts = [metrics[f"{dtype} non-finite {kind}"] for kind in KINDS]
@@ -184,11 +175,11 @@ def table(found: Sequence[Record]) -> Group:
         f"{kind.removesuffix(' derivatives')} at 1 in {share}" for kind, (_, share) in KINDS.items() if share > 1
     )
     about = (
-        f"{largest(found, 'points'):,} adversarial points a model, a tenth for sums over facets ({shares}): how many "
+        f"{largest(records, 'points'):,} adversarial points a model, a tenth for sums over facets ({shares}): how many "
         "gave anything not finite. Error of float32 against float64 as a multiple of the one allowed: "
-        f"{precision.RELATIVE:g} relative or {precision.OF_PEAK:g} of the peak."
+        f"{adversarial.RELATIVE:g} relative or {adversarial.OF_PEAK:g} of the peak."
     )
-    return page(about, failures, records=found)
+    return page(about, failures, records=records)
 
 
 SUITE = Suite(measure, table, share=150)

@@ -11,9 +11,8 @@ from rich.console import RenderableType
 from rich.text import Text
 from torch import Tensor
 
-from matest.benchmark.instruments.passes import element_wise, seconds
-from matest.benchmark.instruments.timing import TILE, forward, random_directions
-from matest.benchmark.record import Progress, Record
+from matest.benchmark.instruments.passes import TILE, element_wise, forward, random_directions, seconds
+from matest.benchmark.suite import Progress, Record
 from matest.benchmark.tables import by_case, case_name, figure, ruled
 from matest.brdf import Brdf, LiTorrance, model, preset
 from matest.estimation.options import Options
@@ -43,11 +42,20 @@ _HE_TORRANCE = {
 }
 # Li-Torrance with the components that a sample needs, against Cook-Torrance, at most.
 COST_LIMIT = 2.0
-UNIT, RIVAL, OURS, REFERENCE = "blinn-phong", "cook-torrance", "li-torrance", "he-torrance"
-CASE, WITHOUT = "table 4: ", "li-torrance without "
+# The model whose cost is the unit, the one that ours is held to, and the one that ours approximates.
+UNIT = "blinn-phong"
+RIVAL = "cook-torrance"
+OURS = "li-torrance"
+REFERENCE = "he-torrance"
+# What the names of the records' cases begin with.
+CASE = "table 4: "
+WITHOUT = "li-torrance without "
 # He and Torrance's series is timed on so much fewer pairs.
 _SLOW_SHARE = 100
-_LIGHTS, _VIEWS = (20, 40, 50, 70), 1500
+# Degrees from the normal of the lights that a sample is measured under.
+_LIGHTS = (20, 40, 50, 70)
+# Views near the mirror direction, and as many anywhere, of each light.
+_VIEWS = 1500
 _ALL = "uniform=on,subsurface=on,forward=on,coherent=on"
 # A component (or masking), the model with all, and that without it.
 DROPPED = {
@@ -71,7 +79,8 @@ def measure(pairs: int, progress: Progress) -> Iterator[Record]:
         progress(f"Table 4: {sample}", number, len(SAMPLES))
         fitted = {name: coefficients(name, sample) for name in PUBLISHED}
         shares = {name: _SLOW_SHARE if name == REFERENCE else 1 for name in fitted}
-        runs = [forward(_float(brdf), wi[:: shares[name]], wo[:: shares[name]], TILE) for name, brdf in fitted.items()]
+        single = {name: brdf.to(torch.float32, "cpu") for name, brdf in fitted.items()}
+        runs = [forward(brdf, wi[:: shares[name]], wo[:: shares[name]], TILE) for name, brdf in single.items()]
         # For all pairs.
         times = {name: time * shares[name] for name, time in zip(fitted, seconds(*runs), strict=True)}
         for name, time in times.items():
@@ -86,12 +95,12 @@ def measure(pairs: int, progress: Progress) -> Iterator[Record]:
 def _savings(wi: Tensor, wo: Tensor) -> Iterator[Record]:
     """What leaving out a component saves, beside its share of the passes, each timed by itself."""
     for name, expressions in DROPPED.items():
-        both = [_float(model(f"{OURS}({options})")[0]) for options in expressions]
+        both = [model(f"{OURS}({options})")[0].to(torch.float32, "cpu") for options in expressions]
         times = seconds(*(forward(brdf, wi, wo, TILE) for brdf in both))
-        own = [element_wise(lambda brdf=brdf: brdf(wi[:TILE], wo[:TILE]))[1] for brdf in both]  # type: ignore[misc]
+        alone = [element_wise(lambda brdf=brdf: brdf(wi[:TILE], wo[:TILE]))[1] for brdf in both]  # type: ignore[misc]
         case = f"{WITHOUT}{name}"
         yield Record("models", case, "time saved", 1 - times[1] / times[0], "1", "higher")
-        yield Record("models", case, "share of the passes", 1 - own[1] / own[0], "1", "higher")
+        yield Record("models", case, "share of the passes", 1 - alone[1] / alone[0], "1", "higher")
 
 
 def coefficients(name: str, sample: str) -> Brdf:
@@ -158,10 +167,6 @@ def _without_mirror(brdf: Brdf) -> Brdf:
     if getattr(brdf, "coherent", "off") == "off":
         return brdf
     return dataclasses.replace(brdf, coherent="off")  # type: ignore[type-var]
-
-
-def _float(brdf: Brdf) -> Brdf:
-    return brdf.replace({name: value.float() for name, value in brdf.parameters.items()})
 
 
 def tables(records: Sequence[Record]) -> list[RenderableType]:
