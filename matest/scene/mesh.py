@@ -104,6 +104,10 @@ class Mesh:
         """Lowest and highest corner, [2, 3]."""
         return np.asarray(self._mesh.bounds)
 
+    def nearest_depth(self, direction: np.ndarray) -> float:
+        """Smallest coordinate of a vertex along a unit vector [3]."""
+        return float((self._mesh.vertices @ direction).min())
+
     def first_hits(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Index of the first triangle along each ray (−1: none) and the distance to it (infinite: none).
 

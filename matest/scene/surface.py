@@ -112,8 +112,9 @@ def from_mesh(mesh: Mesh, camera: Camera, shape: tuple[int, int], mask: np.ndarr
     candidates = np.arange(shape[0] * shape[1]) if mask is None else np.flatnonzero(mask)
     origins, directions = camera.rays(shape, candidates)
     if camera.orthographic:
-        # Parallel rays may start anywhere: put the image plane in front of the whole mesh.
-        origins = origins - directions * (2 * mesh.extent + np.linalg.norm(np.subtract(camera.position, camera.target)))
+        # The object is seen whole, wherever the camera stands on its line of sight.
+        start = mesh.nearest_depth(camera.forward) - mesh.extent
+        origins = origins + directions * (start - origins @ camera.forward)[:, None]
     faces, distance = mesh.first_hits(origins, directions)
     hit = faces >= 0
     if not hit.any():
