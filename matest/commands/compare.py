@@ -10,6 +10,7 @@ import typer
 from matest.commands import arguments
 from matest.commands.console import console, print_json
 from matest.errors import InputError
+from matest.outputs import keep_inputs
 
 EXAMPLE = "matest compare truth/00.exr oren-nayar/00.exr lambert/00.exr --row 128 -o figure-13"
 
@@ -35,6 +36,9 @@ def compare(
 
     if len(images) < 2:
         raise InputError("compare needs two images or more; the first is the reference.")
+    stem = out.with_suffix("") if out.suffix in (".png", ".csv") else out
+    plot, table = Path(f"{stem}.png"), Path(f"{stem}.csv")
+    keep_inputs((plot, table), images)
     pixels = [_as_fractions(read_image(path)) for path in images]
     height, width = pixels[0].shape[:2]
     section = profiles.middle_row((height, width))
@@ -48,8 +52,6 @@ def compare(
         section = arguments.line(line)
     comparison = profiles.compare(pixels, _distinct(images), section)
     out.parent.mkdir(parents=True, exist_ok=True)
-    stem = out.with_suffix("") if out.suffix in (".png", ".csv") else out
-    plot, table = Path(f"{stem}.png"), Path(f"{stem}.csv")
     plot_profiles(comparison, plot)
     curves = zip(comparison.names, comparison.profiles, strict=True)
     write_columns(table, {"distance": comparison.distance, **dict(curves)})

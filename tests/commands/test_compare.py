@@ -30,3 +30,14 @@ def test_a_comparison_of_one_image_or_along_two_lines_is_refused(run: Run, captu
     code, out, err = run("compare", capture / "00.png", capture / "01.png", "--row", 3, "--column", 4)
     assert (code, out) == (2, "")
     assert "one of --row, --column and --line" in err
+
+
+def test_a_photograph_is_not_overwritten_by_its_plot(run: Run, capture: Path) -> None:
+    photograph = capture / "00.png"
+    before = photograph.read_bytes()
+    for name in ("00", "00.png", "00.csv"):
+        code, out, err = run("compare", photograph, capture / "01.png", "-o", capture / name)
+        assert (code, out) == (2, "")
+        assert err.startswith(f"matest: {photograph}: ")
+        assert photograph.read_bytes() == before
+        assert not (capture / "00.csv").exists()
