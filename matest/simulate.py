@@ -89,6 +89,9 @@ def load_scene(path: str | Path) -> SimulatedScene:
         raise InputError(f"{file}: camera.supersampling must be 1 to 16, and 1 with a normal map; got {supersampling}.")
     if tables.encoding.flat is not None or isinstance(tables.encoding.black, str):
         raise InputError(f"{file}: a simulated camera has no flat field or dark frame; use a number for black.")
+    black = tables.encoding.black
+    if images.dtype.kind == "u" and not black < _PEAK_LEVEL:
+        raise InputError(f"{file}: encoding.black must leave room for light, below {_PEAK_LEVEL}; got {black}.")
     transfer = tables.encoding.transfer or "linear"
     setup = realise(description, images, transfer=transfer, supersampling=supersampling)
     with errors_of(file):

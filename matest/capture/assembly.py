@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from matest.capture.description import Description
+from matest.capture.description import LARGEST, Description
 from matest.capture.geometry import check_size, visible_surface
 from matest.capture.schema import ImageTable, LightTable
 from matest.errors import Fault, InputError, refuse
@@ -228,11 +228,11 @@ def _light_faults(table: LightTable) -> Iterator[Fault]:
 
 
 def _colour(value: float | list[float], channels: int, label: str) -> Tensor:
-    """A number or one number per channel as [C], finite and not negative."""
+    """A number or one number per channel as [C], not negative and below `LARGEST`."""
     values = torch.atleast_1d(torch.as_tensor(value, dtype=torch.float64))
-    if len(values) not in (1, channels) or not bool((torch.isfinite(values) & (values >= 0)).all()):
+    if len(values) not in (1, channels) or not bool(((values >= 0) & (values < LARGEST)).all()):
         raise InputError(
-            f"{label} must be one number or {channels} (one per channel of the images), finite and not negative; got "
-            f"{value}."
+            f"{label} must be one number or {channels} (one per channel of the images), not negative and below "
+            f"{LARGEST:g}; got {value}."
         )
     return values.expand(channels).clone()
