@@ -41,3 +41,11 @@ def test_a_photograph_is_not_overwritten_by_its_plot(run: Run, capture: Path) ->
         assert err.startswith(f"matest: {photograph}: ")
         assert photograph.read_bytes() == before
         assert not (capture / "00.csv").exists()
+
+
+def test_a_line_that_is_not_in_the_image_is_refused(run: Run, capture: Path, tmp_path: Path) -> None:
+    for line in ("nan,0,1,1", "0,0,inf,1"):
+        code, out, err = run("compare", capture / "00.png", capture / "01.png", "--line", line, "-o", tmp_path / "plot")
+        assert (code, out) == (2, "")
+        assert "leaves the image" in err
+        assert err.count("\n") == 1
