@@ -1,11 +1,13 @@
-"""No command writes over what it reads."""
+"""Files are written whole, and none over what is read."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
 
-from matest.outputs import keep_inputs
+import pytest
+
+from matest.outputs import keep_inputs, whole_files
 from tests.captures import refusal
 
 
@@ -25,3 +27,32 @@ def test_other_files_and_files_that_are_missing_are_no_inputs(tmp_path: Path) ->
     for name in ("one.png", "other.png"):
         (tmp_path / name).write_bytes(b"pixels")
     keep_inputs([tmp_path / "one.png", tmp_path / "new.png"], [tmp_path / "other.png", tmp_path / "missing.png"])
+
+
+def test_files_move_together_into_a_folder_whose_others_stay(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    (tmp_path / "index").write_text("old")
+    with whole_files(tmp_path, last="index") as part:
+        (part / "images").mkdir()
+        (part / "images" / "00").write_text("pixels")
+        (part / "index").write_text("new")
+        assert (tmp_path / "index").read_text() == "old"
+    assert {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*")} == {
+        "notes.txt",
+        "index",
+        "images",
+        "images/00",
+    }
+    assert (tmp_path / "index").read_text() == "new"
+
+
+def test_an_error_of_the_disk_names_the_folder_and_leaves_nothing(tmp_path: Path) -> None:
+    def fill() -> None:
+        with whole_files(tmp_path / "out", last="index") as part:
+            (part / "index").write_text("half")
+            raise OSError(28, "No space left on device")
+
+    with pytest.raises(OSError, match="No space left") as caught:
+        fill()
+    assert caught.value.filename == str(tmp_path / "out")
+    assert not [*tmp_path.iterdir()]
