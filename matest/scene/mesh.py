@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import logging
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from matest.errors import InputError
+
+# trimesh logs the tracebacks of what shapes do not need, such as a missing texture; without a handler they are printed.
+logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
 # Most faces of a mesh that is tested for convexity: the hull of more takes longer than shadow rays.
 _MAX_HULL_FACES = 50_000
