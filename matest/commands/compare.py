@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -75,9 +76,12 @@ def _as_fractions(image: Any) -> Any:
 
 
 def _distinct(paths: list[Path]) -> list[str]:
-    """The shortest ends of some paths that differ from each other."""
+    """The shortest ends of some paths that differ from each other, as text; the whole paths where none do."""
     for depth in range(1, max(len(path.parts) for path in paths) + 1):
         names = ["/".join(path.parts[-depth:]) for path in paths]
         if len(set(names)) == len(names):
-            return names
-    return [str(path) for path in paths]
+            break
+    else:
+        names = [str(path) for path in paths]
+    # Bytes that are no text can be neither drawn nor written.
+    return [os.fsencode(name).decode("utf-8", "backslashreplace") for name in names]

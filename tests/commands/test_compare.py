@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
+import sys
 from pathlib import Path
+
+import pytest
 
 from tests.commands.conftest import Run
 
@@ -49,3 +53,12 @@ def test_a_line_that_is_not_in_the_image_is_refused(run: Run, capture: Path, tmp
         assert (code, out) == (2, "")
         assert "leaves the image" in err
         assert err.count("\n") == 1
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of files are bytes on Linux")
+def test_images_whose_names_are_no_text_are_compared(run: Run, capture: Path, tmp_path: Path) -> None:
+    image = capture / os.fsdecode(b"\xff.png")
+    (capture / "00.png").rename(image)
+    code, _, err = run("compare", image, capture / "01.png", "-o", tmp_path / "section")
+    assert (code, err) == (0, "")
+    assert (tmp_path / "section.csv").read_text("utf-8").startswith("distance,\\xff.png,01.png\n")
