@@ -148,3 +148,8 @@ def test_a_missing_file_is_refused(file):
     message = refusal(lambda: schema.read(file, schema.CaptureFile))
     assert str(file) in message
     assert "no such file" in message
+
+
+def test_a_file_of_values_nested_without_end_is_refused(file):
+    message = refusal(lambda: read_text(file, "mask = " + "[" * 5000 + "]" * 5000))
+    assert message.startswith(f"{file}: ")
