@@ -18,9 +18,9 @@ from matest.capture.assembly import ImageFormat, realise
 from matest.capture.description import describe
 from matest.errors import InputError
 from matest.photographs.images import read_image
-from matest.photographs.noise import noise_of_photographs, stated_noise
 from matest.photographs.photographs import Photographs
 from matest.photographs.samples import PhotographSamples
+from matest.photographs.sensor import sensor_of
 from matest.photographs.storage import Storage
 from matest.progress import Progress, silent
 from matest.scene import Scene
@@ -127,13 +127,12 @@ def load_capture(
     with _time(timing, "read"):
         stored = _decode(paths, first, setup.scene.surface.pixels, progress)
     with _time(timing, "noise"):
-        if setup.noise is None:
-            noise = noise_of_photographs(stored, setup.encoding, setup.scene.surface)
-        else:
-            noise = stated_noise(setup.noise, setup.encoding, stored[0])
+        sensor = sensor_of(
+            stored, setup.encoding, setup.scene.surface, setup.noise, clips_as_stated=setup.saturation_stated
+        )
     return Capture(
         name=description.name,
-        photographs=setup.photographs(stored, noise),
+        photographs=setup.photographs(stored, sensor),
         files=tuple(paths),
         folder=description.folder,
         others=(description.file, *(description.path(name, key) for key, name in description.references)),

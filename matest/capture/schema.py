@@ -46,7 +46,7 @@ class EncodingTable(_Table):
     scale: float | None = None
     black: float | str = 0.0
     flat: str | None = None
-    saturation: float | None = None
+    saturation: float | list[float] | None = None
     radiometry: Literal["absolute", "relative"] = "absolute"
 
 

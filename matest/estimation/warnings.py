@@ -214,6 +214,11 @@ def _too_few_pixels(context: Context) -> Iterator[str]:
         yield "There are too few pixels for error bars that allow for the misfit of the model."
 
 
+def _clipping(context: Context) -> Iterator[str]:
+    if context.account.clipping:
+        yield context.account.clipping
+
+
 def _estimated_noise(context: Context) -> Iterator[str]:
     if context.account.noise:
         yield context.account.noise
@@ -253,6 +258,7 @@ RULES: tuple[Callable[[Context], Iterator[str]], ...] = (
     _not_determined,
     _lobes_not_seen,
     _too_few_pixels,
+    _clipping,
     _estimated_noise,
     _imprecise,
 )

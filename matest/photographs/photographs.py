@@ -9,6 +9,7 @@ import numpy as np
 import torch
 
 from matest.photographs import storage
+from matest.photographs.codes import Clipping
 from matest.photographs.noise import Noise
 from matest.photographs.photometry import Encoding
 from matest.photographs.redundant import redundancy, without_copies
@@ -27,6 +28,7 @@ class Photographs:
         exposures: per image.
         noise: of the camera, stated or estimated from the images.
         noise_stated: whether it is stated.
+        clipping: levels below full scale at which the values pile up; None: there are none.
         relative: True when the common scale of the lights is unknown.
         names: of the images, as people know them.
     """
@@ -39,6 +41,7 @@ class Photographs:
     noise_stated: bool
     relative: bool
     names: tuple[str, ...]
+    clipping: Clipping | None = None
 
     def __len__(self) -> int:
         return len(self.stored)

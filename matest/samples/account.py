@@ -25,6 +25,7 @@ class Account:
         one_light_each: whether every image has one light, and no sky.
         geometry: what did not have to be computed of light and shape, as clauses.
         noise: how the noise was estimated, as a sentence; empty where it is stated.
+        clipping: where values pile up below the stated saturation, as a sentence; empty where they do not.
     """
 
     names: Sequence[str] = ()
@@ -37,6 +38,7 @@ class Account:
     one_light_each: bool = False
     geometry: Sequence[str] = ()
     noise: str = ""
+    clipping: str = ""
 
 
 class AccountedSamples(Samples, Protocol):
