@@ -29,6 +29,7 @@ class Photographs:
         noise_stated: whether it is stated.
         relative: True when the common scale of the lights is unknown.
         names: of the images, as people know them.
+        notes: what was done to the values that the files store, as sentences.
     """
 
     scene: Scene
@@ -39,6 +40,7 @@ class Photographs:
     noise_stated: bool
     relative: bool
     names: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.stored)

@@ -8,7 +8,7 @@ import numpy as np
 
 from matest.errors import InputError
 
-NOTE = "its alpha was multiplied into the colours and is divided out; pixels of alpha 0 are 0"
+NOTE = "alpha was multiplied into the colours and is divided out; pixels of alpha 0 are 0"
 
 
 def without_alpha(path: Path, colours: np.ndarray, alpha: np.ndarray) -> np.ndarray:

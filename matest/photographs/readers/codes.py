@@ -27,7 +27,7 @@ def raster_of_codes(codes: np.ndarray, maximum: int) -> Raster:
             codes = codes.astype(dtype, copy=False)
             return Raster(codes if factor == 1 else np.multiply(codes, factor, dtype=dtype))
     note = (
-        f"its codes from 0 to {maximum} are read as fractions of {maximum} and then are like floats: linear unless "
+        f"codes from 0 to {maximum} are read as fractions of {maximum} and then are like floats: linear unless "
         "encoding.transfer says otherwise"
     )
     return Raster((codes / maximum).astype(np.float32), (note,))

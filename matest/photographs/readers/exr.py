@@ -67,7 +67,7 @@ def read_exr(path: Path) -> Raster:
         pixels = np.concatenate([pixels, coverage[..., None]], axis=2)
     if not all(map(np.array_equal, layer.window, layer.display)):
         pixels = _displayed(path, pixels, layer)
-        notes.append("its data window is padded with 0 and cropped to its display window")
+        notes.append("the data window is padded with 0 and cropped to the display window")
     return Raster(pixels, tuple(notes))
 
 
@@ -106,7 +106,7 @@ def _choice(path: Path, layers: dict[str, _Layer]) -> tuple[str, list[str]]:
     others = [name for name in pictures if name != candidates[0]]
     if not others and not candidates[0]:
         return candidates[0], []
-    read = f"its layer {candidates[0]} is read" if candidates[0] else "its channels without a layer are read"
+    read = f"layer {candidates[0]} is read" if candidates[0] else "the channels without a layer are read"
     return candidates[0], [read + (f", not {', '.join(others)}" if others else "")]
 
 

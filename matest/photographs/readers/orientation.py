@@ -36,7 +36,7 @@ def upright(raster: Raster, orientation: int) -> Raster:
         pixels = pixels[::-1]
     if orientation in (2, 3, 6, 7):
         pixels = pixels[:, ::-1]
-    note = f"it was {_TURNS[orientation]}, as its orientation tag ({orientation}) asks"
+    note = f"pixels are {_TURNS[orientation]}, as the orientation tag ({orientation}) asks"
     return replace(raster, pixels=pixels, notes=(*raster.notes, note))
 
 

@@ -48,7 +48,7 @@ def read_tiff(path: Path) -> Raster:
     if page.axes == "SYX":
         pixels = np.moveaxis(pixels, 0, -1)
     raster = _with_alpha(path, page, _at_full_scale(path, page, pixels))
-    notes = (*raster.notes, f"only the first of its {others + 1} pages is read") if others else raster.notes
+    notes = (*raster.notes, f"only the first of {others + 1} pages is read") if others else raster.notes
     return upright(Raster(raster.pixels, notes), orientation)
 
 

@@ -98,7 +98,7 @@ def test_the_alpha_of_a_photograph_is_its_mask(tmp_path):
 
 CHOICES = {
     "the layer without a name": (["R", "G", "B", *layer("diffuse")], "", "not diffuse"),
-    "the only layer": (layer("diffuse"), "diffuse.", "its layer diffuse is read"),
+    "the only layer": (layer("diffuse"), "diffuse.", "layer diffuse is read"),
     "the only picture": (layer("diffuse") + layer("depth", "Z") + layer("depth", "W"), "diffuse.", "layer diffuse"),
     "the whole picture": (layer("View.Combined") + layer("View.Normal", "XYZ"), "View.Combined.", "not View.Normal"),
 }

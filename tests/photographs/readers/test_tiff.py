@@ -187,7 +187,7 @@ def test_only_the_first_page_is_read_and_that_is_said(tmp_path):
         file.write(first[::4, ::4], subfiletype=1, metadata=None)
     read = read_image_file(tmp_path / "a.tif")
     np.testing.assert_array_equal(read.pixels[..., 0], first)
-    assert read.notes == ("only the first of its 2 pages is read",)
+    assert read.notes == ("only the first of 2 pages is read",)
 
 
 @pytest.mark.parametrize("compression", [None, "zlib", "lzw", "packbits"])
