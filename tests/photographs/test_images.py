@@ -202,6 +202,13 @@ def test_a_png_with_flipped_bits_is_refused(tmp_path):
     assert str(path) in refusal(lambda: read_image(path))
 
 
+def test_an_npy_file_whose_header_never_ends_is_refused(tmp_path):
+    path = tmp_path / "image.npy"
+    np.save(path, codes(np.uint8, 3))
+    path.write_bytes(path.read_bytes().replace(b"}", b"("))
+    assert str(path) in refusal(lambda: read_image(path))
+
+
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("suffix", [".exr", ".npy"])
 def test_values_that_are_not_finite_are_refused_and_counted(tmp_path, bad, suffix):

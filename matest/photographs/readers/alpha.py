@@ -23,4 +23,6 @@ def without_alpha(path: Path, colours: np.ndarray, alpha: np.ndarray) -> np.ndar
             f"{path}: alpha is 0 everywhere and the colours are not; remove the alpha channel if it means nothing."
         )
     divisor = np.where(covered, alpha, 1).astype(np.float32)[..., None]
-    return np.where(covered[..., None], colours.astype(np.float32) / divisor, np.float32(0))
+    # Alpha next to 0 can give infinite values: these are refused, as those of a file are.
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.where(covered[..., None], colours.astype(np.float32) / divisor, np.float32(0))

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,118 +20,149 @@ _COLOURS, _VECTORS, _GREY = ("R", "G", "B"), ("X", "Y", "Z"), ("Y",)
 _CHROMA = {"RY", "BY"}
 # Last words of the names that renderers give to the layer with the whole picture.
 _WHOLE = ("combined", "beauty")
+# Types of channels that are read, by OpenEXR's names.
+_DTYPES = {"HALF": np.float16, "FLOAT": np.float32}
 
-# First column and row, last column and row.
-Window = tuple[np.ndarray, np.ndarray]
 
-
-@dataclass
+@dataclass(frozen=True)
 class _Layer:
     """Channels with a common name before the last dot: "" for those without one.
 
     Attributes:
-        window: of the image that the channels cover.
-        display: the window that is the image.
-        channels: planes, by what their name has after the last dot.
+        name: that they have in common.
+        channels: what their names have after the last dot.
     """
 
-    window: Window
-    display: Window
-    channels: dict[str, np.ndarray] = field(default_factory=dict)
+    name: str
+    channels: tuple[str, ...]
 
     @property
     def picture(self) -> tuple[str, ...]:
         """The channels that make a picture; none if they make no one."""
         for names in (_COLOURS, _VECTORS, _GREY):
-            if self.channels.keys() >= set(names):
+            if set(names) <= set(self.channels):
                 return names
-        return tuple(self.channels) if len(self.channels) == 1 else ()
+        return self.channels if len(self.channels) == 1 else ()
+
+    def full(self, channel: str) -> str:
+        """The name that a channel has in the file."""
+        return f"{self.name}.{channel}" if self.name else channel
 
 
 def read_exr(path: Path) -> Raster:
-    """The layer without a name, or else the one that must be meant.
+    """The layer without a name, or else the one that must be meant, of the first part.
 
     Raises:
         InputError: no layer is a picture, or several are and none must be meant.
     """
-    layers = _read(path)
-    name, notes = _choice(path, layers)
-    layer = layers[name]
-    if layer.picture == _GREY and layer.channels.keys() & _CHROMA:
+    import OpenEXR
+
+    try:
+        with OpenEXR.File(os.fspath(path), header_only=True) as file:
+            names = [channel.name for channel in file.parts[0].header["channels"]]
+            windows = [file.parts[0].header[key] for key in ("dataWindow", "displayWindow")]
+            parts = [part.name() for part in file.parts[1:]]
+    except (RuntimeError, ValueError, OSError, KeyError) as error:
+        raise unreadable(path, f"OpenEXR says: {error}") from None
+    layer, notes = _choice(path, _layers(names), parts)
+    if layer.picture == _GREY and _CHROMA & set(layer.channels):
         raise InputError(f"{path}: it stores luminance and chroma (Y, RY, BY); save it with channels R, G, B.")
-    pixels = np.stack([layer.channels[channel] for channel in layer.picture], axis=-1)
-    coverage = layer.channels.get("A")
-    if coverage is not None and layer.picture in (_COLOURS, _GREY):
-        if (coverage != 1).any():
-            pixels = alpha.without_alpha(path, pixels, coverage)
-            notes.append(alpha.NOTE)
-        pixels = np.concatenate([pixels, coverage[..., None]], axis=2)
-    if not all(map(np.array_equal, layer.window, layer.display)):
-        pixels = _displayed(path, pixels, layer)
+    covered = "A" in layer.channels and layer.picture in (_COLOURS, _GREY)
+    channels = (*layer.picture, "A") if covered else layer.picture
+    data, display = (_box(window) for window in windows)
+    pixels = _decode(path, [layer.full(channel) for channel in channels], data)
+    if covered and (pixels[..., -1] != 1).any():
+        pixels[..., :-1] = alpha.without_alpha(path, pixels[..., :-1], pixels[..., -1])
+        notes.append(alpha.NOTE)
+    if data != display:
+        pixels = _displayed(path, pixels, data, display)
         notes.append("the data window is padded with 0 and cropped to the display window")
     return Raster(pixels, tuple(notes))
 
 
-def _read(path: Path) -> dict[str, _Layer]:
-    """All layers by name; those of further parts have the name of the part before their own."""
+def _layers(names: Sequence[str]) -> list[_Layer]:
+    channels: dict[str, list[str]] = {}
+    for name in names:
+        layer, _, channel = name.rpartition(".")
+        channels.setdefault(layer, []).append(channel)
+    return [_Layer(layer, tuple(some)) for layer, some in channels.items()]
+
+
+def _choice(path: Path, layers: list[_Layer], parts: list[str]) -> tuple[_Layer, list[str]]:
+    """The layer to read, and a note if it has a name or there are other pictures.
+
+    Args:
+        path: of the file, for the refusal.
+        layers: of the first part.
+        parts: names of the others, which OpenEXR does not decode with all its checks.
+    """
+    pictures = [layer for layer in layers if layer.picture]
+    if not pictures:
+        names = ", ".join(layer.full(channel) for layer in layers for channel in layer.channels)
+        raise InputError(f"{path}: expected channels R, G, B or Y; got {names}. Rename the channels.")
+    whole = [layer for layer in pictures if layer.name.lower().rpartition(".")[2] in _WHOLE]
+    candidates = [layer for layer in pictures if not layer.name] or (pictures if len(pictures) == 1 else whole)
+    if len(candidates) != 1:
+        names = ", ".join(layer.name for layer in pictures)
+        raise InputError(
+            f"{path}: expected one picture; got the layers {names}. Save the one that counts without a name."
+        )
+    layer = candidates[0]
+    others = [other.name for other in pictures if other is not layer] + parts
+    if not others and not layer.name:
+        return layer, []
+    read = f"layer {layer.name} is read" if layer.name else "the channels without a layer are read"
+    return layer, [read + (f", not {', '.join(others)}" if others else "")]
+
+
+@dataclass(frozen=True)
+class _Box:
+    """Columns and rows from the first to behind the last."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.bottom - self.top, self.right - self.left
+
+
+def _box(window: tuple[Iterable[Any], Iterable[Any]]) -> _Box:
+    (left, top), (right, bottom) = ((int(column), int(row)) for column, row in window)
+    return _Box(left, top, right + 1, bottom + 1)
+
+
+def _decode(path: Path, names: list[str], data: _Box) -> np.ndarray:
+    """Channels of the first part [H, W, C], float32; this class of OpenEXR raises what the newer one only prints."""
     import OpenEXR
 
-    layers: dict[str, _Layer] = {}
     try:
-        with OpenEXR.File(os.fspath(path), separate_channels=True) as file:
-            for number, part in enumerate(file.parts):
-                for key, channel in part.channels.items():
-                    before, _, channel_name = key.rpartition(".")
-                    name = ".".join(word for word in (part.name() if number else "", before) if word)
-                    windows = part.header["dataWindow"], part.header["displayWindow"]
-                    layer = layers.setdefault(name, _Layer(*windows))
-                    layer.channels[channel_name] = np.array(channel.pixels)
-    except (RuntimeError, ValueError, OSError) as error:
+        file = OpenEXR.InputFile(os.fspath(path))
+        stored = [file.header()["channels"][name] for name in names]
+        dtypes = [_DTYPES.get(str(channel.type)) for channel in stored]
+        planes = file.channels(names) if None not in dtypes else []
+        file.close()
+    except (RuntimeError, ValueError, OSError, KeyError, TypeError) as error:
         raise unreadable(path, f"OpenEXR says: {error}") from None
-    return layers
+    if None in dtypes or any((channel.xSampling, channel.ySampling) != (1, 1) for channel in stored):
+        listed = ", ".join(f"{name} ({channel.type})" for name, channel in zip(names, stored, strict=True))
+        raise InputError(f"{path}: expected floats at every pixel; got {listed}. Convert the image.")
+    pixels = np.empty((*data.shape, len(names)), np.float32)
+    for number, (plane, dtype) in enumerate(zip(planes, dtypes, strict=True)):
+        pixels[..., number] = np.frombuffer(plane, dtype).reshape(data.shape)
+    return pixels
 
 
-def _choice(path: Path, layers: dict[str, _Layer]) -> tuple[str, list[str]]:
-    """The name of the layer to read, and a note if it is not the only one, or has a name."""
-    pictures = [name for name, layer in layers.items() if layer.picture]
-    whole = [name for name in pictures if name.lower().rpartition(".")[2] in _WHOLE]
-    candidates = [name for name in pictures if not name] or (pictures if len(pictures) == 1 else whole)
-    if not pictures:
-        names = ", ".join(_full(name, channel) for name, layer in layers.items() for channel in layer.channels)
-        raise InputError(f"{path}: expected channels R, G, B or Y; got {names}. Rename the channels.")
-    if len(candidates) != 1:
-        raise InputError(
-            f"{path}: expected one picture; got the layers {', '.join(pictures)}. Save the one that counts by itself, "
-            "or without a name."
-        )
-    others = [name for name in pictures if name != candidates[0]]
-    if not others and not candidates[0]:
-        return candidates[0], []
-    read = f"layer {candidates[0]} is read" if candidates[0] else "the channels without a layer are read"
-    return candidates[0], [read + (f", not {', '.join(others)}" if others else "")]
-
-
-def _full(layer: str, channel: str) -> str:
-    return f"{layer}.{channel}" if layer else channel
-
-
-def _displayed(path: Path, pixels: np.ndarray, layer: _Layer) -> np.ndarray:
+def _displayed(path: Path, pixels: np.ndarray, data: _Box, display: _Box) -> np.ndarray:
     """Pixels of the data window on the display window, 0 where there are none."""
-    (left, top), (right, bottom) = (_whole_numbers(corner) for corner in layer.display)
-    x, y = _whole_numbers(layer.window[0])
-    height, width, channels = pixels.shape
-    image = np.zeros((bottom - top + 1, right - left + 1, channels), pixels.dtype)
-    rows = slice(max(y, top), min(y + height, bottom + 1))
-    columns = slice(max(x, left), min(x + width, right + 1))
-    if rows.start >= rows.stop or columns.start >= columns.stop:
+    top, bottom = max(data.top, display.top), min(data.bottom, display.bottom)
+    left, right = max(data.left, display.left), min(data.right, display.right)
+    if top >= bottom or left >= right:
         raise InputError(f"{path}: its data window lies outside of its display window; nothing of it is in the image.")
-    image[rows.start - top : rows.stop - top, columns.start - left : columns.stop - left] = pixels[
-        rows.start - y : rows.stop - y, columns.start - x : columns.stop - x
+    image = np.zeros((*display.shape, pixels.shape[2]), pixels.dtype)
+    image[top - display.top : bottom - display.top, left - display.left : right - display.left] = pixels[
+        top - data.top : bottom - data.top, left - data.left : right - data.left
     ]
     return image
-
-
-def _whole_numbers(corner: Iterable[int]) -> tuple[int, int]:
-    """Column and row as Python's integers, which have no largest one."""
-    column, row = map(int, corner)
-    return column, row

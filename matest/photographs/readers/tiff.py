@@ -37,7 +37,8 @@ def read_tiff(path: Path) -> Raster:
         with tifffile.TiffFile(path) as file:
             page = file.pages.first
             _check(path, page, file.filehandle.size)
-            pixels = page.asarray(maxworkers=1)
+            # tifffile drops axes of length 1.
+            pixels = page.asarray(maxworkers=1).reshape(page.shape)
             others = sum(isinstance(other, tifffile.TiffPage) and not other.is_reduced for other in file.pages[1:])
             orientation = page.tags.valueof(TAG, 1)
     except InputError:
@@ -56,6 +57,8 @@ def _check(path: Path, page: TiffPage, file_bytes: int) -> None:
     """Refuse what would be read inexactly, and files of which a part is missing."""
     if page.photometric not in _COLOUR_CHANNELS:
         raise InputError(f"{path}: expected grey or RGB; the TIFF stores {_name(page.photometric)}. Convert it to RGB.")
+    if page.samplesperpixel < _COLOUR_CHANNELS[page.photometric]:
+        raise unreadable(path, f"it has {page.samplesperpixel} of three channels")
     if page.compression not in _LOSSLESS:
         raise InputError(
             f"{path}: TIFF with {_name(page.compression)} compression may have lost what was measured; save it without "

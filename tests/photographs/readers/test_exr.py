@@ -136,6 +136,45 @@ def test_the_first_part_is_read_and_the_others_are_named(tmp_path):
     assert "not right" in file.notes[0]
 
 
+@pytest.mark.parametrize("kind", [OpenEXR.scanlineimage, OpenEXR.tiledimage])
+@pytest.mark.parametrize(
+    ("compression", "damage"),
+    [
+        (OpenEXR.ZIP_COMPRESSION, "spoilt"),  # the others have no check sum
+        (OpenEXR.ZIP_COMPRESSION, "cut"),
+        (OpenEXR.PIZ_COMPRESSION, "cut"),
+        (OpenEXR.RLE_COMPRESSION, "cut"),
+    ],
+)
+def test_what_the_decoder_complains_of_is_refused(tmp_path, compression, damage, kind):
+    smooth = np.tile(np.arange(400, dtype=np.float32), (300, 1))
+    header = {"compression": compression, "type": kind}
+    if kind == OpenEXR.tiledimage:
+        header["tiles"] = OpenEXR.TileDescription()
+    OpenEXR.File(header, {"Y": smooth}).write(str(tmp_path / "a.exr"))
+    np.testing.assert_array_equal(read_image(tmp_path / "a.exr")[..., 0], smooth)
+    data = bytearray((tmp_path / "a.exr").read_bytes())
+    middle = len(data) // 2
+    data[middle : middle + 60] = bytes(60)
+    (tmp_path / "a.exr").write_bytes(data if damage == "spoilt" else data[:middle])
+    message = refusal(lambda: read_image(tmp_path / "a.exr"))
+    assert str(tmp_path / "a.exr") in message
+    assert "OpenEXR says" in message
+
+
+def test_channels_of_integers_are_refused(tmp_path):
+    ids = np.arange(HEIGHT * WIDTH, dtype=np.uint32).reshape(HEIGHT, WIDTH)
+    OpenEXR.File({"type": OpenEXR.scanlineimage}, {"id": ids}).write(str(tmp_path / "a.exr"))
+    assert "expected floats" in refusal(lambda: read_image(tmp_path / "a.exr"))
+
+
+def test_alpha_next_to_zero_gives_values_that_are_refused(tmp_path):
+    alpha = np.ones((HEIGHT, WIDTH), np.float32)
+    alpha[2, 3] = 1e-40
+    write_exr(tmp_path / "a.exr", planes("RGB") | {"A": alpha})
+    assert "1 pixels are NaN or infinite" in refusal(lambda: read_image(tmp_path / "a.exr"))
+
+
 def test_luminance_with_chroma_is_refused(tmp_path):
     write_exr(tmp_path / "a.exr", planes(["Y", "RY", "BY"]))
     assert "R, G, B" in refusal(lambda: read_image(tmp_path / "a.exr"))

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 
 import cv2
@@ -8,7 +9,7 @@ import PIL.Image
 import pytest
 import tifffile
 
-from matest.photographs.images import read_image, read_image_file
+from matest.photographs.images import full_scale, read_image, read_image_file
 from matest.photographs.readers.tiff import read_tiff
 from tests.captures import refusal
 
@@ -99,22 +100,36 @@ def test_stretched_32_bit_codes_are_16_bit_codes(tmp_path):
     np.testing.assert_array_equal(read_image(tmp_path / "a.tif"), image)
 
 
-def test_12_bits_are_fractions_of_4095_and_said_to_be(tmp_path):
-    image = content(np.uint16) // 16
-    packed = np.unpackbits(image.astype(">u2")[..., None].view(np.uint8), axis=-1)[..., 4:]
-    tifffile.imwrite(tmp_path / "a.tif", image, photometric="minisblack", metadata=None)
-    rows = np.packbits(packed.reshape(HEIGHT, -1), axis=1)
-    content_of = bytearray((tmp_path / "a.tif").read_bytes())
-    with tifffile.TiffFile(tmp_path / "a.tif") as file:
-        page = file.pages.first
-        bits, counts, start = page.tags[258].valueoffset, page.tags[279].valueoffset, page.dataoffsets[0]
-    content_of[bits : bits + 2] = (12).to_bytes(2, "little")
-    content_of[counts : counts + 4] = rows.size.to_bytes(4, "little")
-    content_of[start : start + rows.size] = rows.tobytes()
-    (tmp_path / "a.tif").write_bytes(content_of)
+def packed(codes: np.ndarray, bits: int) -> bytes:
+    """A TIFF of grey codes of any number of bits, byte by byte."""
+    digits = np.unpackbits(codes.astype(">u2")[..., None].view(np.uint8), axis=-1)[..., 16 - bits :]
+    rows = np.packbits(digits.reshape(HEIGHT, -1), axis=1).tobytes()
+    rows += bytes(len(rows) % 2)
+    # Width, height, bits, no compression, black is zero, offset, channels, rows of a strip, bytes.
+    shorts = {258: bits, 259: 1, 262: 1, 277: 1}
+    longs = {256: WIDTH, 257: HEIGHT, 273: 8, 278: HEIGHT, 279: len(rows)}
+    entries = [struct.pack(">HHIHH", tag, 3, 1, value, 0) for tag, value in shorts.items()]
+    entries += [struct.pack(">HHII", tag, 4, 1, value) for tag, value in longs.items()]
+    directory = struct.pack(">H", len(entries)) + b"".join(sorted(entries)) + bytes(4)
+    return b"MM\0*" + struct.pack(">I", 8 + len(rows)) + rows + directory
+
+
+@pytest.mark.parametrize("shape", [(1, 5), (5, 1), (1, 1), (1, 5, 3), (5, 1, 3), (1, 1, 3)])
+@pytest.mark.parametrize("planar", ["contig", "separate"])
+def test_images_of_one_row_or_column_keep_their_shape(tmp_path, planar, shape):
+    image = np.random.default_rng(5).integers(0, 255, shape, dtype=np.uint8)
+    write(tmp_path / "a.tif", image, **({"planarconfig": planar} if len(shape) == 3 else {}))
+    np.testing.assert_array_equal(read_image(tmp_path / "a.tif"), image.reshape(*shape[:2], -1))
+
+
+@pytest.mark.parametrize("bits", range(1, 17))
+def test_codes_of_any_bits_are_fractions_of_the_largest(tmp_path, bits):
+    codes = content(np.uint16) >> (16 - bits)
+    (tmp_path / "a.tif").write_bytes(packed(codes, bits))
     file = read_image_file(tmp_path / "a.tif")
-    np.testing.assert_array_equal(file.pixels[..., 0], (image / 4095).astype(np.float32))
-    assert "4095" in file.notes[0]
+    fractions = file.pixels[..., 0] / full_scale(file.pixels.dtype)
+    np.testing.assert_allclose(fractions, codes / (2**bits - 1), rtol=1e-7)
+    assert bool(file.notes) == (bits not in (1, 2, 4, 8, 16))
 
 
 def test_alpha_beside_the_colours_is_set_apart(tmp_path):
