@@ -21,6 +21,8 @@ _WHITE_IS_ZERO, _BLACK_IS_ZERO, _RGB = 0, 1, 2
 _COLOUR_CHANNELS = {_WHITE_IS_ZERO: 1, _BLACK_IS_ZERO: 1, _RGB: 3}
 # None, CCITT (three), LZW, Deflate, PackBits, Deflate by its older number, LZMA, Zstandard.
 _LOSSLESS = (1, 2, 3, 4, 5, 8, 32773, 32946, 34925, 50000)
+# Bits of the integers that uint8, uint16 or float32 can hold; of 32 bits most can.
+_INTEGER_BITS = (*range(1, 17), 32)
 # Meanings of a channel beyond the colours.
 _ASSOCIATED_ALPHA, _ALPHA = 1, 2
 
@@ -64,9 +66,10 @@ def _check(path: Path, page: TiffPage, file_bytes: int) -> None:
             f"{path}: TIFF with {_name(page.compression)} compression may have lost what was measured; save it without "
             "compression or with Deflate."
         )
-    if page.dtype is None or page.dtype.kind not in "buf" or (page.dtype.kind == "u" and page.bitspersample > 32):
+    kind = page.dtype.kind if page.dtype is not None else ""
+    if kind not in ("b", "u", "f") or (kind == "u" and page.bitspersample not in _INTEGER_BITS):
         raise InputError(
-            f"{path}: expected unsigned integers of up to 32 bits or floats; got {page.bitspersample} bits of "
+            f"{path}: expected unsigned integers of 1 to 16 or 32 bits or floats; got {page.bitspersample} bits of "
             f"{_name(page.sampleformat)}. Convert the TIFF."
         )
     if page.axes not in ("YX", "YXS", "SYX"):
