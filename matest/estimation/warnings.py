@@ -128,6 +128,10 @@ def _assumed_optics(context: Context) -> Iterator[str]:
         yield f"{name} is taken as {context.held(name):g} {declared.unit}: {where} of the capture should say it."
 
 
+def _notes_of_readers(context: Context) -> Iterator[str]:
+    yield from context.account.notes
+
+
 def _little_geometry(context: Context) -> Iterator[str]:
     coverage = context.account.coverage
     if coverage < _MIN_COVERAGE:
@@ -246,6 +250,7 @@ RULES: tuple[Callable[[Context], Iterator[str]], ...] = (
     _held_by_default,
     _f0_too_low,
     _assumed_optics,
+    _notes_of_readers,
     _little_geometry,
     _copied_channels,
     _idle_images,

@@ -31,6 +31,7 @@ class Photographs:
         clipping: levels below full scale at which the values pile up; None: there are none.
         relative: True when the common scale of the lights is unknown.
         names: of the images, as people know them.
+        notes: what was done to the values that the files store, as sentences.
     """
 
     scene: Scene
@@ -42,6 +43,7 @@ class Photographs:
     relative: bool
     names: tuple[str, ...]
     clipping: Clipping | None = None
+    notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.stored)

@@ -65,6 +65,7 @@ class PhotographSamples(LitPixels):
         sky = bool((scene.ambient > 0).any())
         return Account(
             names=photographs.names,
+            notes=photographs.notes,
             images=self.images,
             counts=self.counts,
             skipped=self.skipped,

@@ -16,6 +16,7 @@ class Account:
 
     Attributes:
         names: of all images that there are.
+        notes: what was done to the values that are stored in files, as sentences.
         images: number, among these, of each image that the samples are of.
         counts: usable samples of each of them.
         skipped: values left out, by reason.
@@ -29,6 +30,7 @@ class Account:
     """
 
     names: Sequence[str] = ()
+    notes: Sequence[str] = ()
     images: Sequence[int] = ()
     counts: Sequence[int] = ()
     skipped: dict[str, int] = field(default_factory=dict)
