@@ -53,6 +53,10 @@ class Capture:
     def __len__(self) -> int:
         return len(self.photographs)
 
+    def __repr__(self) -> str:
+        pixels = len(self.scene.surface)
+        return f"Capture({self.name}: {len(self)} photographs, {pixels} pixels of the object, {self.channels} channels)"
+
     @property
     def scene(self) -> Scene:
         """Surface, lights, shadows."""

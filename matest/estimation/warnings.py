@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -44,6 +44,7 @@ class Context:
         specification: what was to be estimated.
         solution, posterior: the result of the fit.
         precision: relative standard error that the user asked for; None: no such wish.
+        untried: models that `auto` did not try, since they lack a parameter that the user spoke of.
     """
 
     samples: AccountedSamples
@@ -51,6 +52,7 @@ class Context:
     solution: Solution
     posterior: Posterior
     precision: float | None
+    untried: Sequence[str] = ()
 
     @property
     def account(self) -> Account:
@@ -90,6 +92,12 @@ def warnings(context: Context) -> list[str]:
 def _relative_radiometry(context: Context) -> Iterator[str]:
     if context.samples.relative:
         yield "The common scale of the lights is unknown (relative radiometry): albedo is reported up to that scale."
+
+
+def _untried_models(context: Context) -> Iterator[str]:
+    if context.untried:
+        models = ", ".join(context.untried)
+        yield f"Not tried, since they lack a parameter that was fixed, freed or tied: {models}."
 
 
 def _held_by_default(context: Context) -> Iterator[str]:
@@ -247,6 +255,7 @@ def _imprecise(context: Context) -> Iterator[str]:
 # In the order of the sentences.
 RULES: tuple[Callable[[Context], Iterator[str]], ...] = (
     _relative_radiometry,
+    _untried_models,
     _held_by_default,
     _f0_too_low,
     _assumed_optics,
