@@ -32,6 +32,16 @@ def test_the_names_survive_importing_the_modules() -> None:
     assert callable(matest.predict)
 
 
+def test_captures_and_estimates_print_in_a_line() -> None:
+    capture = matest.load_capture(VASE)
+    assert (
+        repr(capture) == f"Capture(vase: 3 photographs, {len(capture.scene.surface)} pixels of the object, 3 channels)"
+    )
+    text = repr(matest.estimate(capture, model="oren-nayar", fix={"sigma": 0.7}))
+    assert text.startswith("Estimate(vase: oren-nayar, albedo=[0.7")
+    assert len(text) < 400
+
+
 def test_samples_are_no_capture() -> None:
     samples = matest.load_capture(VASE).samples()
     with pytest.raises(TypeError, match=r"fit .* and judge"):

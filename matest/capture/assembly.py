@@ -19,6 +19,7 @@ from matest.photographs.images import read_image
 from matest.photographs.noise import Noise
 from matest.photographs.photographs import Photographs
 from matest.photographs.photometry import Encoding
+from matest.photographs.sensor import Sensor
 from matest.scene.lights import DirectionalLight, Light, PointLight, unit_direction
 from matest.scene.scene import Scene
 from matest.scene.surface import Surface
@@ -58,6 +59,7 @@ class Setup:
         encoding: from pixels to radiance.
         exposures: per image.
         noise: of the camera, as the file states it; None where it does not.
+        saturation_stated: whether the level at which it clips is stated.
         relative: True when the common scale of the lights is unknown.
         names: of the images.
     """
@@ -66,22 +68,24 @@ class Setup:
     encoding: Encoding
     exposures: tuple[float, ...]
     noise: Noise | None
+    saturation_stated: bool
     relative: bool
     names: tuple[str, ...]
 
-    def photographs(self, stored: Sequence[np.ndarray], noise: Noise) -> Photographs:
+    def photographs(self, stored: Sequence[np.ndarray], sensor: Sensor) -> Photographs:
         """The photographs with these pixels.
 
         Args:
             stored: per image the object's pixels [N, C].
-            noise: of the pixels, with that of their rounding.
+            sensor: that took them.
         """
         return Photographs(
             scene=self.scene,
             stored=tuple(stored),
-            encoding=self.encoding,
+            encoding=sensor.encoding,
             exposures=self.exposures,
-            noise=noise,
+            noise=sensor.noise,
+            clipping=sensor.clipping,
             noise_stated=self.noise is not None,
             relative=self.relative,
             names=self.names,
@@ -111,9 +115,28 @@ def realise(
         encoding=encoding,
         exposures=tuple(table.exposure for table in tables.image),
         noise=None if tables.noise is None else Noise(tables.noise.read, tables.noise.gain),
+        saturation_stated=tables.encoding.saturation is not None,
         relative=tables.encoding.radiometry == "relative" or not powers_stated,
         names=description.names,
     )
+
+
+def _saturation(description: Description, images: ImageFormat) -> float | tuple[float, ...] | None:
+    """Stored value from which on the sensor is saturated, one or one per channel; None: never.
+
+    Raises:
+        InputError: another number of values, one that is not positive.
+    """
+    stated = description.tables.encoding.saturation
+    if stated is None:
+        return _SATURATION if images.dtype.kind == "u" else None
+    values = stated if isinstance(stated, list) else [stated]
+    if len(values) not in (1, images.channels) or not all(value > 0 for value in values):
+        raise InputError(
+            f"{description.file}: encoding.saturation must be one number or {images.channels} (one per channel of the "
+            f"images), fractions of full scale above 0; got {stated}."
+        )
+    return tuple(values) if len(values) > 1 else values[0]
 
 
 def _encoding(
@@ -139,7 +162,7 @@ def _encoding(
     encoding = Encoding(
         transfer="linear" if transfer is None else transfer,
         scale=1.0 if table.scale is None else table.scale,
-        saturation=_SATURATION if table.saturation is None and integer else table.saturation,
+        saturation=_saturation(description, images),
     )
 
     def frame(file: str, key: str) -> np.ndarray:
@@ -228,8 +251,10 @@ def _light_faults(table: LightTable) -> Iterator[Fault]:
 
 
 def _colour(value: float | list[float], channels: int, label: str) -> Tensor:
-    """A number or one number per channel as [C], not negative and below `LARGEST`."""
+    """A number or one number per channel as [C], from 0 to `LARGEST`; equal ones serve any number of channels."""
     values = torch.atleast_1d(torch.as_tensor(value, dtype=torch.float64))
+    if len(values.unique()) == 1:
+        values = values[:1]
     if len(values) not in (1, channels) or not bool(((values >= 0) & (values < LARGEST)).all()):
         raise InputError(
             f"{label} must be one number or {channels} (one per channel of the images), not negative and below "

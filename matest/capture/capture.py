@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,14 +17,17 @@ from matest.capture.assembly import ImageFormat, realise
 from matest.capture.description import capture_file, describe
 from matest.capture.digests import digested
 from matest.errors import InputError
-from matest.photographs.images import read_image
-from matest.photographs.noise import noise_of_photographs, stated_noise
+from matest.photographs.images import ImageFile, read_image_file
 from matest.photographs.photographs import Photographs
 from matest.photographs.samples import PhotographSamples
+from matest.photographs.sensor import sensor_of
 from matest.photographs.storage import Storage
 from matest.progress import Progress, silent
 from matest.scene import Scene
 from matest.workers import in_threads
+
+# Images that a note lists by name, at most.
+_NAMES = 3
 
 
 @dataclass(frozen=True)
@@ -49,6 +52,10 @@ class Capture:
 
     def __len__(self) -> int:
         return len(self.photographs)
+
+    def __repr__(self) -> str:
+        pixels = len(self.scene.surface)
+        return f"Capture({self.name}: {len(self)} photographs, {pixels} pixels of the object, {self.channels} channels)"
 
     @property
     def scene(self) -> Scene:
@@ -120,21 +127,20 @@ def load_capture(
     timing = {"read": 0.0, "geometry": 0.0, "noise": 0.0}
     # The size and the type of the first image decide how the geometry and the encoding are built.
     with _time(timing, "read"), digested(paths[:1], sums):
-        first = read_image(paths[0])
+        first = read_image_file(paths[0])
     references = [Path(os.path.normpath(description.folder / name)) for _, name in description.references]
     with _time(timing, "geometry"), digested(references, sums):
-        setup = realise(description, ImageFormat.of(first), transfer=transfer)
+        setup = realise(description, ImageFormat.of(first.pixels), transfer=transfer)
     with _time(timing, "read"):
-        stored = _decode(paths, first, setup.scene.surface.pixels, sums, progress)
+        stored, notes = _decode(paths, first, setup.scene.surface.pixels, sums, progress)
     with _time(timing, "noise"):
-        if setup.noise is None:
-            noise = noise_of_photographs(stored, setup.encoding, setup.scene.surface)
-        else:
-            noise = stated_noise(setup.noise, setup.encoding, stored[0])
+        sensor = sensor_of(
+            stored, setup.encoding, setup.scene.surface, setup.noise, clips_as_stated=setup.saturation_stated
+        )
     others = [description.path(name, key) for key, name in description.references]
     return Capture(
         name=description.name,
-        photographs=setup.photographs(stored, noise),
+        photographs=replace(setup.photographs(stored, sensor), notes=_sentences(description.names, notes)),
         files=tuple(paths),
         folder=description.folder,
         sums={file: sums[file] for file in (*paths, description.file, *others)},
@@ -151,20 +157,22 @@ def _time(seconds: dict[str, float], step: str) -> Iterator[None]:
 
 
 def _decode(
-    paths: list[Path], first: np.ndarray, pixels: np.ndarray, sums: dict[Path, str], progress: Progress
-) -> tuple[np.ndarray, ...]:
-    """The object's pixels of every image, whose digests are added to `sums`.
+    paths: list[Path], first_file: ImageFile, pixels: np.ndarray, sums: dict[Path, str], progress: Progress
+) -> tuple[tuple[np.ndarray, ...], list[tuple[str, ...]]]:
+    """The object's pixels of every image and the notes of its reader; the images' digests are added to `sums`.
 
     Memory holds only a few whole images at once.
     """
     storage = Storage()
+    first = first_file.pixels
 
     def pixels_of(image: np.ndarray) -> np.ndarray:
         return storage.keep(image.reshape(-1, image.shape[2])[pixels])
 
-    def load(path: Path) -> np.ndarray:
+    def load(path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
         with digested([path], sums):
-            image = read_image(path)
+            file = read_image_file(path)
+        image = file.pixels
         if image.shape[:2] != first.shape[:2]:
             raise InputError(
                 f"{path}: expected the size of the first image, {paths[0].name} ({first.shape[0]}×{first.shape[1]}); "
@@ -175,10 +183,28 @@ def _decode(
                 f"{path}: expected {first.shape[2]} channel(s) of {first.dtype} like {paths[0].name}; got "
                 f"{image.shape[2]} of {image.dtype}. Convert the images to one kind."
             )
-        return pixels_of(image)
+        return pixels_of(image), file.notes
 
-    stored = [pixels_of(first)]
-    for count, of_image in enumerate(in_threads(load, paths[1:]), start=2):
+    stored, notes = [pixels_of(first)], [first_file.notes]
+    for count, (of_image, notes_of_image) in enumerate(in_threads(load, paths[1:]), start=2):
         stored.append(of_image)
+        notes.append(notes_of_image)
         progress("reading images", count, len(paths))
-    return tuple(stored)
+    return tuple(stored), notes
+
+
+def _sentences(names: Sequence[str], notes: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
+    """One sentence for every note, with the names of the images that it is of."""
+    images: dict[str, list[str]] = {}
+    for name, notes_of_image in zip(names, notes, strict=True):
+        for note in notes_of_image:
+            images.setdefault(note, []).append(name)
+    return tuple(f"{_image_list(some, len(names))}: {note}." for note, some in images.items())
+
+
+def _image_list(some: list[str], total: int) -> str:
+    """Names of some of all images; after the first few, how many more there are."""
+    if len(some) == total > 1:
+        return "All images"
+    more = len(some) - _NAMES
+    return ", ".join(some[:_NAMES]) + (f" and {more} more" if more > 0 else "")

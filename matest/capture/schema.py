@@ -46,7 +46,7 @@ class EncodingTable(_Table):
     scale: float | None = None
     black: float | str = 0.0
     flat: str | None = None
-    saturation: float | None = None
+    saturation: float | list[float] | None = None
     radiometry: Literal["absolute", "relative"] = "absolute"
 
 
@@ -112,6 +112,8 @@ def read(path: Path, kind: type[File]) -> File:
         raise InputError(f"{path}: expected a TOML file; {error}.") from None
     except RecursionError:
         raise InputError(f"{path}: expected a TOML file of a capture; its values are nested too deeply.") from None
+    if "material" in table and kind is CaptureFile:
+        raise InputError(f"{path}: this is a scene, not a capture; make photographs of it with 'matest render'.")
     try:
         return msgspec.convert(table, kind)
     except msgspec.ValidationError as error:

@@ -7,10 +7,10 @@ The file of a command has a function of the same name, whose signature and docst
 # In the order of `matest --help`.
 COMMANDS = (
     "check",
-    "benchmark",
     "estimate",
     "predict",
     "render",
     "compare",
     "models",
+    "benchmark",
 )

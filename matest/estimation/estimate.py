@@ -14,7 +14,7 @@ from matest.estimation.options import AUTO, Options, Value
 from matest.estimation.prediction import relative_error
 from matest.estimation.remarks import message, skipped, unread_samples
 from matest.estimation.result import Candidate, Estimate, Fit
-from matest.estimation.selection import select
+from matest.estimation.selection import CANDIDATES, select
 from matest.estimation.specification import Specification, freed, specify
 from matest.estimation.warnings import Context, warnings
 from matest.estimators import Solution, fit
@@ -86,6 +86,8 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
     expression, candidates = options.model, list[Candidate]()
     if expression is None or options.automatic:
         expression, candidates = select(samples, options, progress)
+    tried = {candidate.model for candidate in candidates}
+    untried = [model for model in CANDIDATES if candidates and model not in tried]
     specification, solution = _solve(expression, samples, options, progress)
     if not solution.statistics.total("values"):
         raise InputError(
@@ -111,7 +113,7 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         skipped=skipped(samples, solution, len(held_out), candidates),
         timing_s={**{stage: capture.timing.get(stage, 0.0) for stage in ("read", "geometry")}, "fit": fit_s},
         holdout=holdout,
-        warnings=warnings(Context(samples, specification, solution, posterior, options.precision)),
+        warnings=warnings(Context(samples, specification, solution, posterior, options.precision, untried)),
     )
 
 

@@ -104,6 +104,10 @@ class Estimate:
     provenance: dict[str, Any] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
 
+    def __repr__(self) -> str:
+        values = ", ".join(f"{name}={p.value} ± {p.std} ({p.status})" for name, p in self.parameters.items())
+        return f"Estimate({self.capture}: {self.model}, {values})"
+
     @property
     def channels(self) -> int:
         """Number of channels of the parameters; 1 if no parameter has one value per channel."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -44,6 +44,7 @@ class Context:
         specification: what was to be estimated.
         solution, posterior: the result of the fit.
         precision: relative standard error that the user asked for; None: no such wish.
+        untried: models that `auto` did not try, since they lack a parameter that the user spoke of.
     """
 
     samples: AccountedSamples
@@ -51,6 +52,7 @@ class Context:
     solution: Solution
     posterior: Posterior
     precision: float | None
+    untried: Sequence[str] = ()
 
     @property
     def account(self) -> Account:
@@ -92,6 +94,12 @@ def _relative_radiometry(context: Context) -> Iterator[str]:
         yield "The common scale of the lights is unknown (relative radiometry): albedo is reported up to that scale."
 
 
+def _untried_models(context: Context) -> Iterator[str]:
+    if context.untried:
+        models = ", ".join(context.untried)
+        yield f"Not tried, since they lack a parameter that was fixed, freed or tied: {models}."
+
+
 def _held_by_default(context: Context) -> Iterator[str]:
     for name in context.specification.default_held:
         fresnel = context.solution.problem.declared(name).role is Role.FRESNEL
@@ -126,6 +134,10 @@ def _assumed_optics(context: Context) -> Iterator[str]:
         declared = context.solution.problem.declared(name)
         where = OPTICS[declared.role]
         yield f"{name} is taken as {context.held(name):g} {declared.unit}: {where} of the capture should say it."
+
+
+def _notes_of_readers(context: Context) -> Iterator[str]:
+    yield from context.account.notes
 
 
 def _little_geometry(context: Context) -> Iterator[str]:
@@ -214,6 +226,11 @@ def _too_few_pixels(context: Context) -> Iterator[str]:
         yield "There are too few pixels for error bars that allow for the misfit of the model."
 
 
+def _clipping(context: Context) -> Iterator[str]:
+    if context.account.clipping:
+        yield context.account.clipping
+
+
 def _estimated_noise(context: Context) -> Iterator[str]:
     if context.account.noise:
         yield context.account.noise
@@ -238,9 +255,11 @@ def _imprecise(context: Context) -> Iterator[str]:
 # In the order of the sentences.
 RULES: tuple[Callable[[Context], Iterator[str]], ...] = (
     _relative_radiometry,
+    _untried_models,
     _held_by_default,
     _f0_too_low,
     _assumed_optics,
+    _notes_of_readers,
     _little_geometry,
     _copied_channels,
     _idle_images,
@@ -253,6 +272,7 @@ RULES: tuple[Callable[[Context], Iterator[str]], ...] = (
     _not_determined,
     _lobes_not_seen,
     _too_few_pixels,
+    _clipping,
     _estimated_noise,
     _imprecise,
 )

@@ -163,4 +163,4 @@ def _warnings(plan: Plan, options: Options, samples: PhotographSamples) -> list[
         f"{clipped:,} pixels are predicted to be saturated: they tell little.": clipped,
         "No mesh: cast shadows are unknown and left out of account.": plan.photographs.scene.surface.mesh is None,
     }
-    return [sentence for sentence, holds in sentences.items() if holds]
+    return [*plan.photographs.notes, *(sentence for sentence, holds in sentences.items() if holds)]

@@ -16,6 +16,7 @@ from matest.capture.description import Description, capture_file, describe, imag
 from matest.errors import InputError
 from matest.photographs.noise import Noise
 from matest.photographs.photographs import Photographs
+from matest.photographs.sensor import Sensor
 from matest.progress import Progress, silent
 from matest.scene import Scene
 from matest.shading import render_image
@@ -132,7 +133,7 @@ def _planned(
     pixels = np.zeros((len(setup.scene.surface), images.channels), images.dtype)
     stated_noise = setup.noise if setup.noise is not None and setup.noise != Noise(0.0, 0.0) else None
     noise = stated_noise or TYPICAL
-    photographs = setup.photographs((pixels,) * len(setup.exposures), noise)
+    photographs = setup.photographs((pixels,) * len(setup.exposures), Sensor(setup.encoding, noise))
     exposed = table.scale is not None or images.dtype.kind == "f"
     source = "as the file states it" if stated_noise else "that of a typical camera, as none is stated"
     return Plan(description.name, photographs, material, exposed).with_noise(noise.read, noise.gain, source)

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 
 from matest.photographs import storage
+from matest.photographs.codes import Clipping
 from matest.photographs.noise import Noise
 from matest.photographs.photometry import Encoding
 from matest.photographs.redundant import redundancy, without_copies
@@ -27,8 +28,10 @@ class Photographs:
         exposures: per image.
         noise: of the camera, stated or estimated from the images.
         noise_stated: whether it is stated.
+        clipping: levels below full scale at which the values pile up; None: there are none.
         relative: True when the common scale of the lights is unknown.
         names: of the images, as people know them.
+        notes: what was done to the values that the files store, as sentences.
     """
 
     scene: Scene
@@ -39,6 +42,8 @@ class Photographs:
     noise_stated: bool
     relative: bool
     names: tuple[str, ...]
+    clipping: Clipping | None = None
+    notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.stored)

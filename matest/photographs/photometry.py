@@ -21,14 +21,17 @@ class Encoding:
         scale: radiance of full scale.
         black: pedestal as a fraction of full scale; a number, or per object pixel and channel [N, C].
         flat: flat field per object pixel [N, C], divided out; None = 1.
-        saturation: smallest saturated value, fraction of full scale before any decoding; None = never.
+        saturation: fraction of full scale (as stored) from which on a value is saturated, a number or one per channel;
+            None = never.
+        step: distance of neighbouring stored integers; more than 1 where a camera's codes were stretched.
     """
 
     transfer: str | float = "linear"
     scale: float = 1.0
     black: float | np.ndarray = 0.0
     flat: np.ndarray | None = None
-    saturation: float | None = None
+    saturation: float | tuple[float, ...] | None = None
+    step: float = 1.0
 
     def linear(self, fraction: np.ndarray) -> np.ndarray:
         """Undo the transfer function on values as fractions of full scale."""
@@ -74,15 +77,14 @@ class Encoding:
         """
         if dtype.kind != "u" and self.saturation is None:
             return None
-        lower, upper = -math.inf, math.inf
+        lower, upper = -math.inf, np.array(math.inf)
         if dtype.kind == "u":
-            step = 1 / full_scale(dtype)
-            lower = float(self.linear(np.array(0.5 * step)))
+            lower = float(self.linear(np.array(0.5 * self.step / full_scale(dtype))))
         if self.saturation is not None:
-            top = min(self.saturation, 1.0)
+            top = np.minimum(self.saturation, 1.0) if dtype.kind == "u" else np.array(self.saturation)
             if dtype.kind == "u":
-                top = (math.ceil(top / step) - 0.5) * step
-            upper = float(self.linear(np.array(top)))
+                top = (np.ceil(top * full_scale(dtype)) - 0.5 * self.step) / full_scale(dtype)
+            upper = self.linear(top)
         black = self.black if isinstance(self.black, float) else self.black[index]
         flat = 1.0 if self.flat is None else self.flat[index]
         lower_end, upper_end = (np.atleast_2d((end - black) / flat) for end in (lower, upper))
@@ -93,8 +95,8 @@ class Encoding:
         if self.saturation is None:
             return np.zeros(stored.shape, dtype=bool)
         if stored.dtype.kind == "u":
-            return stored >= min(self.saturation, 1.0) * full_scale(stored.dtype)
-        return stored > self.saturation
+            return stored >= np.minimum(self.saturation, 1.0) * full_scale(stored.dtype)
+        return stored > np.asarray(self.saturation)
 
 
 def srgb(linear: np.ndarray) -> np.ndarray:

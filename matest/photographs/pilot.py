@@ -10,6 +10,7 @@ import torch
 
 from matest.directions import dot
 from matest.photographs.pixels import BLOCKS, LitPixels
+from matest.photographs.strata import one_per_stratum
 from matest.samples import Batch
 from matest.workers import in_threads
 
@@ -35,7 +36,7 @@ def pilot(pixels: LitPixels, count: int, seed: int) -> list[Batch]:
         generator = np.random.default_rng((seed, position))
         if available > max(_CANDIDATES * quota, _ALL_CANDIDATES):
             # Draw so many pixels that about `_CANDIDATES * quota` of them are usable.
-            index = _one_per_stratum(len(usable), _CANDIDATES * quota * len(usable) // available, generator)
+            index = one_per_stratum(len(usable), _CANDIDATES * quota * len(usable) // available, generator)
             index = index[usable[index]]
         else:
             index = np.flatnonzero(usable)
@@ -47,12 +48,6 @@ def pilot(pixels: LitPixels, count: int, seed: int) -> list[Batch]:
         return [batch]
 
     return list(itertools.chain.from_iterable(in_threads(draw, range(len(pixels.images)))))
-
-
-def _one_per_stratum(length: int, count: int, generator: np.random.Generator) -> np.ndarray:
-    """One random index from each of `count` equal strata of `range(length)`: cheaper than a shuffle."""
-    edges = np.arange(count + 1) * length // count
-    return edges[:-1] + (generator.random(count) * np.diff(edges)).astype(np.int64)
 
 
 def _even(pixels: LitPixels, image: int, index: np.ndarray, quota: int, generator: np.random.Generator) -> np.ndarray:

@@ -37,11 +37,12 @@ def without_copies(photographs: Photographs) -> Photographs:
     lights = tuple(tuple(light.channel(0) for light in lights) for lights in scene.lights)
     black = encoding.black[:, :1] if isinstance(encoding.black, np.ndarray) else encoding.black
     flat = None if encoding.flat is None else encoding.flat[:, :1]
+    saturation = encoding.saturation[0] if isinstance(encoding.saturation, tuple) else encoding.saturation
     return replace(
         photographs,
         stored=tuple(np.ascontiguousarray(pixels[:, :1]) for pixels in photographs.stored),
         scene=replace(scene, lights=lights, ambient=scene.ambient[:, :1], wavelength=wavelength),
-        encoding=replace(encoding, black=black, flat=flat),
+        encoding=replace(encoding, black=black, flat=flat, saturation=saturation),
     )
 
 

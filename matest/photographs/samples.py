@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from matest.parameters import Role
+from matest.photographs.noise import Noise
 from matest.photographs.pilot import pilot
 from matest.photographs.pixels import BLOCKS, LitPixels
 from matest.photographs.tiles import ImageTiles
@@ -62,9 +63,9 @@ class PhotographSamples(LitPixels):
         """Facts about these samples for tables and reports."""
         photographs, scene = self.photographs, self.photographs.scene
         sky = bool((scene.ambient > 0).any())
-        noise = photographs.noise
         return Account(
             names=photographs.names,
+            notes=photographs.notes,
             images=self.images,
             counts=self.counts,
             skipped=self.skipped,
@@ -73,9 +74,8 @@ class PhotographSamples(LitPixels):
             coverage=scene.surface.coverage,
             one_light_each=self._one_light_each,
             geometry=[*_unneeded_shadows(scene.surface), *([] if sky else ["ambient light: there is none"])],
-            noise=""
-            if photographs.noise_stated
-            else f"Noise was estimated from the images: read {noise.read:.2g}, gain {noise.gain:.2g} of full scale.",
+            noise="" if photographs.noise_stated else _estimated(photographs.noise),
+            clipping="" if photographs.clipping is None else photographs.clipping.sentence,
         )
 
     def pilot(self, count: int, seed: int) -> list[Batch]:
@@ -111,6 +111,15 @@ class PhotographSamples(LitPixels):
                 if edges[position] < edges[position + 1]
             ]
             yield join([self.at(position, self.indices(position)[some]) for position, some in by_image])
+
+
+def _estimated(noise: Noise) -> str:
+    """What was estimated of the noise, as a sentence."""
+    read, gain = (
+        f"{value:.2g}" + (f" ± {std:.1g}" if std else "")
+        for value, std in ((noise.read, noise.read_std), (noise.gain, noise.gain_std))
+    )
+    return f"Noise was estimated from the images: read {read}, gain {gain} of full scale."
 
 
 def _unneeded_shadows(surface: Surface) -> list[str]:

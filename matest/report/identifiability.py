@@ -37,7 +37,7 @@ def _predictions(check: Check) -> Table:
     )
 
     def rows_of(label: str, prediction: Prediction) -> list[tuple[str, ...]]:
-        error = _error(prediction.std, prediction.unit)
+        error = _error(_least_known(prediction), prediction.unit)
         return [(label, _value(prediction), error, _relative(prediction), prediction.status)]
 
     add_parameters(table, check.parameters, rows_of)
@@ -109,6 +109,14 @@ def _value(prediction: Prediction) -> str:
     values = prediction.value if isinstance(prediction.value, list) else [prediction.value]
     text = ", ".join(f"{value:.3g}" for value in dict.fromkeys(values)) + unit
     return text + f"\n{math.degrees(values[0] or 0):.1f}°" if prediction.unit == "rad" else text
+
+
+def _least_known(prediction: Prediction) -> Number:
+    """The standard error of the channel whose relative error is the largest, which the table gives beside it."""
+    value, std = prediction.value, prediction.std
+    if not isinstance(value, list) or not isinstance(std, list) or _largest(std) is None or _largest(value) is None:
+        return std
+    return max(zip(value, std, strict=True), key=lambda pair: (pair[1] or 0.0) / max(abs(pair[0] or 0.0), 1e-300))[1]
 
 
 def _error(number: Number, unit: str) -> str:

@@ -78,7 +78,9 @@ def _errors(estimate: Estimate) -> str:
     sentence = f"relative rms error {fit.relative_rmse:.2%}"
     if fit.values_left_out:
         trimmed = f"{fit.relative_rmse_trimmed:.2%}"
-        sentence += f" ({trimmed} without the {fit.values_left_out:,} values left out as outliers)"
+        left_out = fit.values_left_out
+        values = "the value" if left_out == 1 else f"the {left_out:,} values"
+        sentence += f" ({trimmed} without {values} left out as {'an outlier' if left_out == 1 else 'outliers'})"
     sentence += f", {fit.samples_used:,} of {fit.samples:,} samples"
     if saturated := estimate.skipped.get("samples", {}).get("saturated", 0):
         sentence += f" and {saturated:,} saturated ones"

@@ -16,6 +16,7 @@ class Account:
 
     Attributes:
         names: of all images that there are.
+        notes: what was done to the values that are stored in files, as sentences.
         images: number, among these, of each image that the samples are of.
         counts: usable samples of each of them.
         skipped: values left out, by reason.
@@ -25,9 +26,11 @@ class Account:
         one_light_each: whether every image has one light, and no sky.
         geometry: what did not have to be computed of light and shape, as clauses.
         noise: how the noise was estimated, as a sentence; empty where it is stated.
+        clipping: where values pile up below the stated saturation, as a sentence; empty where they do not.
     """
 
     names: Sequence[str] = ()
+    notes: Sequence[str] = ()
     images: Sequence[int] = ()
     counts: Sequence[int] = ()
     skipped: dict[str, int] = field(default_factory=dict)
@@ -37,6 +40,7 @@ class Account:
     one_light_each: bool = False
     geometry: Sequence[str] = ()
     noise: str = ""
+    clipping: str = ""
 
 
 class AccountedSamples(Samples, Protocol):

@@ -109,8 +109,8 @@ class Mesh:
         return np.asarray(self._mesh.bounds)
 
     def nearest_depth(self, direction: np.ndarray) -> float:
-        """Smallest coordinate of a vertex along a unit vector [3]."""
-        return float((self._mesh.vertices @ direction).min())
+        """Smallest coordinate of the bounding box along a unit vector [3]."""
+        return float((self.bounds * direction).min(axis=0).sum())
 
     def first_hits(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Index of the first triangle along each ray (−1: none) and the distance to it (infinite: none).

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -13,10 +14,13 @@ from torch.nn.functional import normalize
 from matest.errors import InputError
 from matest.scene.camera import Camera
 from matest.scene.mesh import Mesh
+from matest.workers import in_threads
 
 # Pixels from the silhouette within which a pixel may mix object and background: optics and mask are accurate to about
 # a pixel each.
 RIM_WIDTH = 2
+# Rays that are cast at a time: enough to keep every processor busy, and few enough for their numbers to stay small.
+_RAYS = 1 << 18
 
 
 @dataclass(frozen=True)
@@ -103,6 +107,40 @@ class Surface:
         )
 
 
+class _View(NamedTuple):
+    """What the rays of a camera through some pixels meet; those that meet nothing are left out.
+
+    Attributes:
+        pixels: flat row-major indices [n].
+        faces: triangle met [n].
+        distance: to it along the ray [n].
+        positions: there, in world units [n, 3].
+        normals: unit, smooth-shaded [n, 3].
+        toward: unit vectors to the viewer [n, 3].
+    """
+
+    pixels: np.ndarray
+    faces: np.ndarray
+    distance: np.ndarray
+    positions: np.ndarray
+    normals: np.ndarray
+    toward: np.ndarray
+
+    @classmethod
+    def of(cls, mesh: Mesh, camera: Camera, shape: tuple[int, int], pixels: np.ndarray) -> _View:
+        """The view of a mesh through some pixels of an image."""
+        origins, directions = camera.rays(shape, pixels)
+        if camera.orthographic:
+            # The object is seen whole, wherever the camera stands on its line of sight.
+            start = mesh.nearest_depth(camera.forward) - mesh.extent
+            origins = origins + directions * (start - origins @ camera.forward)[:, None]
+        faces, distance = mesh.first_hits(origins, directions)
+        hit = faces >= 0
+        faces, distance, directions = faces[hit], distance[hit], directions[hit]
+        positions = origins[hit] + distance[:, None] * directions
+        return cls(pixels[hit], faces, distance, positions, mesh.interpolated_normals(faces, positions), -directions)
+
+
 def from_mesh(mesh: Mesh, camera: Camera, shape: tuple[int, int], mask: np.ndarray | None = None) -> Surface:
     """The mesh as the camera sees it: one ray through each pixel centre, smooth-shaded normals.
 
@@ -110,38 +148,30 @@ def from_mesh(mesh: Mesh, camera: Camera, shape: tuple[int, int], mask: np.ndarr
         InputError: no ray meets the mesh inside the mask.
     """
     candidates = np.arange(shape[0] * shape[1]) if mask is None else np.flatnonzero(mask)
-    origins, directions = camera.rays(shape, candidates)
-    if camera.orthographic:
-        # The object is seen whole, wherever the camera stands on its line of sight.
-        start = mesh.nearest_depth(camera.forward) - mesh.extent
-        origins = origins + directions * (start - origins @ camera.forward)[:, None]
-    faces, distance = mesh.first_hits(origins, directions)
-    hit = faces >= 0
-    if not hit.any():
+    parts = np.array_split(candidates, len(candidates) // _RAYS + 1)
+    views = list(in_threads(lambda part: _View.of(mesh, camera, shape, part), parts))
+    pixels, faces, distance, positions, normals, view = (np.concatenate(column) for column in zip(*views, strict=True))
+    if not len(pixels):
         low, high = (np.round(corner, 3).tolist() for corner in mesh.bounds)
         raise InputError(
             f"the mesh lies outside the view: expected it to cover pixels of the {shape[1]}×{shape[0]} image, but no "
             f"ray of the camera meets its bounding box {low} to {high} where the mask allows. Check camera.position, "
             "camera.target and the mesh's units."
         )
-    faces, distance = faces[hit], distance[hit]
-    positions = origins[hit] + distance[:, None] * directions[hit]
-    normals = mesh.interpolated_normals(faces, positions)
-    view = -directions[hit]
     # A smooth-shaded normal may point away from the viewer at the limb; such pixels are left out.
     cos_o = np.einsum("ij,ij->i", normals, view)
     facing = cos_o > 0
-    rim = _rim(shape, candidates[hit], distance, camera.footprint(shape, distance), cos_o)
+    rim = _rim(shape, pixels, distance, camera.footprint(shape, distance), cos_o)
     surface = Surface(
         shape=shape,
-        pixels=candidates[hit],
+        pixels=pixels,
         normals=torch.from_numpy(normals),
         view=torch.from_numpy(view[:1].copy() if camera.orthographic else view),
         positions=torch.from_numpy(positions),
         rim=rim,
         faces=faces,
         mesh=mesh,
-        coverage=1.0 if mask is None else float(hit.mean()),
+        coverage=1.0 if mask is None else len(pixels) / len(candidates),
         eye=_eye(camera),
     )
     if not facing.any():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -15,6 +16,12 @@ from matest.workers import in_threads
 _SKY_RAYS = 128
 # Pixels whose sky is traced at once: a million rays, some 50 MB.
 _SKY_PIXELS = 8_192
+# Pixels that face a light up to which all are traced.
+_ALL_TRACED = 1 << 18
+# Pixels on a side of the squares between those that are traced first.
+_CELL = 4
+# Pixels whose rays are cast at once: some 50 MB.
+_AT_ONCE = 1 << 18
 # Distance of a ray's origin from its facet, share of the mesh's extent: rays then miss the facet itself.
 _RAY_OFFSET = 1e-4
 
@@ -25,21 +32,119 @@ def cast_shadows(surface: Surface, light: Light) -> np.ndarray | None:
     Nothing can on a convex body or a surface without a mesh. Where the facet faces away from the light although the
     smooth normal does not, the ray starts inside the body and the pixel counts as shadowed: a coarse mesh does not show
     where light ends.
+
+    Large images are traced at every fourth pixel of every fourth row, and wholly about the edges of the shadows and of
+    the surface: a shadow is missed only if it lies between these pixels without touching one.
     """
     if surface.mesh is None or surface.faces is None or surface.mesh.convex:
         return None
-    assert surface.positions is not None
-    mesh, positions = surface.mesh, surface.positions.numpy()
-    toward, _ = light.at(surface.positions)
-    directions = np.ascontiguousarray(np.broadcast_to(toward.detach().numpy(), positions.shape))
-    # Facing away, the pixel is dark anyway: no ray.
-    facing = np.flatnonzero(np.einsum("ij,ij->i", surface.normals.numpy(), directions) > 0)
-    offset = _RAY_OFFSET * mesh.extent
-    origins = positions[facing] + offset * mesh.face_normals(surface.faces[facing])
-    faces, distance = mesh.first_hits(origins, directions[facing])
+    facing = _facing(surface, light)
     shadow = np.zeros(len(surface), dtype=bool)
-    shadow[facing] = (faces >= 0) & (distance < light.distance(torch.from_numpy(origins)).detach().numpy())
+    if np.count_nonzero(facing) <= _ALL_TRACED:
+        index = np.flatnonzero(facing)
+        shadow[index] = _blocked(surface, light, index)
+        return shadow
+    grid = _Grid.over(surface, facing)
+    index = grid.corners
+    shadow[index] = _blocked(surface, light, index)
+    even = grid.has_like_corners(shadow)
+    waiting = facing.copy()
+    while len(index):
+        waiting[index] = False
+        index = np.flatnonzero(waiting & ~np.take(even, grid.cell))
+        shadow[index] = _blocked(surface, light, index)
+        # The cells about an edge are traced too: it may leave the cells that showed it.
+        even &= ~grid.is_beside_edge(shadow, facing & ~np.take(even, grid.cell))
+    inside = np.flatnonzero(waiting)
+    shadow[inside] = shadow[np.take(grid.corner, grid.cell[inside])]
     return shadow
+
+
+def _facing(surface: Surface, light: Light) -> np.ndarray:
+    """True where the surface faces a light [N]; elsewhere a pixel is dark anyway, and needs no ray."""
+    positions = surface.positions
+    assert positions is not None
+    if not light.near:
+        toward, _ = light.at(None)
+        return (surface.normals.detach() @ toward[0].detach() > 0).numpy()
+    facing = np.empty(len(surface), dtype=bool)
+    for part in torch.arange(len(surface)).split(_AT_ONCE):
+        toward, _ = light.at(positions[part])
+        facing[part.numpy()] = ((surface.normals[part] * toward).sum(-1) > 0).detach().numpy()
+    return facing
+
+
+def _blocked(surface: Surface, light: Light, index: np.ndarray) -> np.ndarray:
+    """Whether the mesh stands between some pixels and a light [n]."""
+    mesh, positions, faces = surface.mesh, surface.positions, surface.faces
+    assert mesh is not None
+    assert positions is not None
+    assert faces is not None
+    blocked = np.empty(len(index), dtype=bool)
+    for first in range(0, len(index), _AT_ONCE):
+        part = index[first : first + _AT_ONCE]
+        toward, _ = light.at(positions[part])
+        origins = positions[part].detach().numpy() + _RAY_OFFSET * mesh.extent * mesh.face_normals(faces[part])
+        directions = np.ascontiguousarray(np.broadcast_to(toward.detach().numpy(), origins.shape))
+        hits, distance = mesh.first_hits(origins, directions)
+        nearer = distance < light.distance(torch.from_numpy(origins)).detach().numpy()
+        blocked[first : first + _AT_ONCE] = (hits >= 0) & nearer
+    return blocked
+
+
+@dataclass(frozen=True, eq=False)
+class _Grid:
+    """Square cells of `_CELL`² pixels, R rows of S, over the image of a surface; the first pixel of each is its corner.
+
+    Attributes:
+        cell: number of the cell that each pixel of the surface lies in [N].
+        corner: the pixel of the surface at the corner of each cell, −1 where its ray is not needed [R, S].
+        plain: whether all pixels of a cell need a ray and lie off the rim of the surface [R, S].
+    """
+
+    cell: np.ndarray
+    corner: np.ndarray
+    plain: np.ndarray
+
+    @classmethod
+    def over(cls, surface: Surface, facing: np.ndarray) -> _Grid:
+        """The grid over a surface of which some pixels [N] face the light."""
+        # A last row and column of cells without pixels, which have no corner.
+        shape = (surface.shape[0] // _CELL + 2, surface.shape[1] // _CELL + 2)
+        rows, columns = np.divmod(surface.pixels, surface.shape[1])
+        cell = (rows // _CELL * shape[1] + columns // _CELL).astype(np.int32)
+        corner = np.full(shape, -1, dtype=np.int32)
+        index = np.flatnonzero(facing & (rows % _CELL == 0) & (columns % _CELL == 0))
+        corner.flat[cell[index]] = index
+        count = np.bincount(cell[facing & ~surface.rim], minlength=corner.size).reshape(shape)
+        return cls(cell, corner, count == _CELL**2)
+
+    @property
+    def corners(self) -> np.ndarray:
+        """All corners whose rays are needed, ascending."""
+        return np.sort(self.corner[self.corner >= 0])
+
+    def has_like_corners(self, shadow: np.ndarray) -> np.ndarray:
+        """Whether a cell is plain, and the pixels [N] at its corner and at those of the next cells are alike [R, S]."""
+        value = np.where(self.corner >= 0, shadow[self.corner], -1)
+        first, others = value[:-1, :-1], (value[1:, :-1], value[:-1, 1:], value[1:, 1:])
+        alike = np.zeros_like(self.plain)
+        alike[:-1, :-1] = (first >= 0) & np.all([first == other for other in others], axis=0)
+        return alike & self.plain
+
+    def is_beside_edge(self, shadow: np.ndarray, traced: np.ndarray) -> np.ndarray:
+        """Whether a cell and the eight about it have both shadowed and lit ones of the pixels `traced` [N] [R, S].
+
+        The corner of a cell that is not traced stands for it.
+        """
+        import cv2
+
+        around = []
+        for kind in (True, False):
+            holds = (self.corner >= 0) & (shadow[self.corner] == kind)
+            holds.flat[self.cell[traced & (shadow == kind)]] = True
+            around.append(cv2.dilate(holds.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0)
+        return np.logical_and(*around)
 
 
 def unoccluded_fraction(surface: Surface) -> np.ndarray | None:

@@ -35,7 +35,7 @@ def figure_8() -> Drawn:
     cos, normal = torch.deg2rad(ANGLES).cos(), direction(0.0)
     smith = smith_masking(length / (2 * height) / torch.deg2rad(ANGLES).tan())
     # Light along the normal is not masked: what is left of S/(4 cos θi cos θr) is S1 of the viewer.
-    ours = 4 * cos * surface(length).roughness(Directions(normal, direction(ANGLES))).masked[:, 0]
+    ours = 4 * cos * surface(length).roughness(Directions(normal, direction(ANGLES))).masking[:, 0]
     grazing = 2 * height / (math.sqrt(math.pi) * length)
     schlick = cos / (cos * (1 - grazing) + grazing)
     figure = Figure(figsize=(7, 4.2), layout="constrained")

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 import torch
 
 from matest.capture import schema
 from matest.capture.assembly import ImageFormat, realise
 from matest.capture.description import describe
 from matest.photographs.noise import Noise
-from tests.captures import SHAPE, CaptureFolder
+from matest.photographs.sensor import Sensor
+from tests.captures import SHAPE, CaptureFolder, refusal
 
 FLOATS = ImageFormat(SHAPE, 3, np.dtype(np.float32))
 
@@ -23,7 +25,8 @@ def test_a_capture_is_the_setup_of_its_description_with_pixels(folder: CaptureFo
     assert (setup.exposures, setup.relative, setup.names) == ((1.0, 3.0), False, ("00.npy", "01.npy"))
     assert (setup.encoding.scale, setup.encoding.black, setup.encoding.saturation) == (2.0, 0.1, None)
     torch.testing.assert_close(setup.scene.surface.normals, capture.scene.surface.normals, rtol=0, atol=0)
-    photographs = setup.photographs(capture.photographs.stored, capture.photographs.noise)
+    sensor = Sensor(setup.encoding, capture.photographs.noise)
+    photographs = setup.photographs(capture.photographs.stored, sensor)
     assert photographs.noise_stated
     np.testing.assert_array_equal(photographs.radiance(1), capture.radiance(1))
 
@@ -32,3 +35,23 @@ def test_integers_are_saturated_near_full_scale_unless_it_is_said(folder: Captur
     description = describe(folder.save(), schema.CaptureFile)
     codes = ImageFormat.of(np.zeros((*SHAPE, 3), np.uint16))
     assert realise(description, codes, transfer="linear").encoding.saturation == 0.98
+    folder.tables["encoding"] = {"saturation": [0.9, 0.8, 0.7]}
+    setup = realise(describe(folder.save(), schema.CaptureFile), codes, transfer="linear")
+    assert (setup.encoding.saturation, setup.saturation_stated) == ((0.9, 0.8, 0.7), True)
+
+
+@pytest.mark.parametrize("saturation", [[0.9, 0.8], 0.0, [0.9, -1.0, 0.9]])
+def test_a_saturation_of_no_image_is_refused(folder: CaptureFolder, saturation: object) -> None:
+    folder.tables["encoding"] = {"saturation": saturation}
+    assert "encoding.saturation must be one number or 3" in refusal(folder.load)
+
+
+def test_grey_images_may_be_lit_by_three_equal_numbers(folder: CaptureFolder) -> None:
+    for image in folder.tables["image"]:
+        image["lights"][0]["irradiance"] = [2.0, 2.0, 2.0]
+    description = describe(folder.save(), schema.CaptureFile)
+    lights = realise(description, ImageFormat(SHAPE, 1, np.dtype(np.float32))).scene.lights
+    assert lights[0][0].power.tolist() == [2.0]
+    folder.tables["image"][0]["lights"][0]["irradiance"] = [2.0, 2.0, 2.1]
+    description = describe(folder.save(), schema.CaptureFile)
+    assert "one number or 1" in refusal(lambda: realise(description, ImageFormat(SHAPE, 1, np.dtype(np.float32))))

@@ -11,7 +11,7 @@ import trimesh
 
 import matest
 from matest.brdf import Lambert
-from matest.photographs.images import read_image, write_image
+from matest.photographs.images import read_image_file, read_mask, write_image
 from tests.captures import (
     ALBEDO,
     RADIUS,
@@ -221,15 +221,17 @@ def test_digests_are_those_of_the_files_as_they_were_read(folder):
 
 @pytest.mark.parametrize("name", ["00.npy", "01.npy", "mask.png"])
 def test_a_file_that_is_written_while_it_is_read_is_refused(folder, monkeypatch, name):
-    def disturbed(path):
-        image = read_image(path)
-        if path.name == name:
-            path.write_bytes(path.read_bytes())
-        return image
+    def disturbed(read):
+        def reader(path):
+            image = read(path)
+            if path.name == name:
+                path.write_bytes(path.read_bytes())
+            return image
 
-    for module in ("capture", "geometry"):
-        monkeypatch.setattr(f"matest.capture.{module}.read_image", disturbed, raising=False)
-        monkeypatch.setattr(f"matest.capture.{module}.read_mask", lambda path: disturbed(path)[..., 0], raising=False)
+        return reader
+
+    monkeypatch.setattr("matest.capture.capture.read_image_file", disturbed(read_image_file))
+    monkeypatch.setattr("matest.capture.geometry.read_mask", disturbed(read_mask))
     message = refusal(folder.load)
     assert message.startswith(f"{folder.path / name}: ")
 
@@ -258,6 +260,45 @@ def test_an_exr_capture_equals_the_same_values_in_npy(folder):
     capture = folder.load()
     for k in range(2):
         np.testing.assert_array_equal(capture.radiance(k), expected.radiance(k))
+
+
+def as_exr_with_alpha(folder, count: int) -> None:
+    """Store the first `count` images with alpha 0.5 multiplied into them, and the others with alpha 1."""
+    for k, table in enumerate(folder.tables["image"]):
+        image, alpha = np.load(folder.path / table["file"]), np.full(SHAPE, 0.5 if k < count else 1.0, np.float32)
+        table["file"] = Path(table["file"]).with_suffix(".exr").name
+        planes = {c: np.ascontiguousarray(image[..., channel] * alpha) for channel, c in enumerate("RGB")}
+        write_exr(folder.path / table["file"], planes | {"A": alpha})
+
+
+@pytest.mark.parametrize(("count", "images"), [(1, "00.exr"), (2, "All images")])
+def test_what_a_reader_did_to_images_is_told_once_for_all_of_them(folder, count, images):
+    expected = folder.load()
+    as_exr_with_alpha(folder, count)
+    capture = folder.load()
+    for k in range(2):
+        np.testing.assert_array_equal(capture.radiance(k), expected.radiance(k))
+    sentence = f"{images}: alpha was multiplied into the colours and is divided out; pixels of alpha 0 are 0."
+    assert capture.photographs.notes == (sentence,)
+    assert sentence in matest.estimate(capture, "lambert").warnings
+    assert sentence in matest.check(capture, "lambert").warnings
+
+
+def test_many_images_with_one_note_are_counted(folder):
+    as_exr_with_alpha(folder, 2)
+    folder.tables["image"] += folder.tables["image"][:1] * 3
+    folder.put("05.npy", lambert_sphere(folder.tables["image"][0]["lights"]))
+    folder.tables["image"].append({**folder.tables["image"][0], "file": "05.npy"})
+    (note,) = folder.load().photographs.notes
+    assert note.startswith("00.exr, 01.exr, 00.exr and 2 more: alpha")
+
+
+def test_a_photograph_with_alpha_serves_as_the_mask(folder):
+    expected = folder.load()
+    alpha = inside_sphere().astype(np.float32)
+    write_exr(folder.path / "cut_out.exr", dict.fromkeys("RGB", 0.3 * alpha) | {"A": alpha})
+    folder.tables["mask"] = "cut_out.exr"
+    np.testing.assert_array_equal(folder.load().scene.surface.pixels, expected.scene.surface.pixels)
 
 
 def test_a_saturated_photograph_does_not_disturb_the_noise_estimate(folder):

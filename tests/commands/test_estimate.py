@@ -189,8 +189,11 @@ def test_paths_with_dots_in_them_are_the_paths_they_lead_to(run: Run, capture: P
 def test_a_constraint_narrows_what_auto_tries(run: Run, capture: Path) -> None:
     code, out, _ = run("estimate", capture, "--fix", "sigma=0.4", "--json")
     assert code == 0
-    tried = [candidate["model"] for candidate in json.loads(out)["candidates"]]
+    content = json.loads(out)
+    tried = [candidate["model"] for candidate in content["candidates"]]
     assert tried == ["oren-nayar-qualitative", "oren-nayar", "oren-nayar+cook-torrance"]
+    untried = "lambert, cook-torrance, oren-nayar+torrance-sparrow"
+    assert any(warning.startswith("Not tried") and untried in warning for warning in content["warnings"])
 
 
 def test_real_photographs_give_honest_error_bars(run: Run, tmp_path: Path) -> None:

@@ -107,6 +107,8 @@ def test_jpeg_keeps_rgb_order_and_grey(tmp_path, suffix):
 @pytest.mark.parametrize("names", ["RGB", "RGBA", "Y", "XYZ", "Z"])
 def test_exr_channels_are_found_by_name(tmp_path, dtype, names):
     planes = {name: floats()[::-1].astype(dtype) * (k + 1) for k, name in enumerate(names)}
+    if "A" in planes:
+        planes["A"] = np.ones_like(planes["A"])
     write_exr(tmp_path / "image.exr", planes)
     expected = np.stack([planes[name] for name in names[:3]], axis=-1)
     assert_read(tmp_path / "image.exr", expected.astype(np.float32))
@@ -200,6 +202,13 @@ def test_a_png_with_flipped_bits_is_refused(tmp_path):
     assert str(path) in refusal(lambda: read_image(path))
 
 
+def test_an_npy_file_whose_header_never_ends_is_refused(tmp_path):
+    path = tmp_path / "image.npy"
+    np.save(path, codes(np.uint8, 3))
+    path.write_bytes(path.read_bytes().replace(b"}", b"("))
+    assert str(path) in refusal(lambda: read_image(path))
+
+
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("suffix", [".exr", ".npy"])
 def test_values_that_are_not_finite_are_refused_and_counted(tmp_path, bad, suffix):
@@ -252,6 +261,25 @@ def test_a_mask_is_the_brightest_channel_as_a_share_of_its_maximum(tmp_path):
     assert level[1, 2] == 1
     assert level[1, 3] == 0.5
     assert np.count_nonzero(level) == 2
+
+
+def test_an_alpha_that_differs_between_pixels_is_the_mask(tmp_path):
+    image = np.full((4, 5, 4), 200, np.uint8)
+    image[..., 3] = 0
+    image[1, 2, 3], image[1, 3, 3] = 255, 51
+    PIL.Image.fromarray(image).save(tmp_path / "cut_out.png")
+    level = read_mask(tmp_path / "cut_out.png")
+    assert level[1, 2] == 1
+    assert level[1, 3] == 0.2
+    assert np.count_nonzero(level) == 2
+
+
+def test_an_alpha_that_is_the_same_everywhere_is_no_mask(tmp_path):
+    image = np.full((4, 5, 4), 255, np.uint8)
+    image[..., :3] = 0
+    image[1, 2, :3] = 9
+    PIL.Image.fromarray(image).save(tmp_path / "mask.png")
+    assert np.count_nonzero(read_mask(tmp_path / "mask.png")) == 1
 
 
 def test_a_mask_that_is_zero_everywhere_is_refused(tmp_path):

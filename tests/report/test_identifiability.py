@@ -9,7 +9,7 @@ from io import StringIO
 from rich.console import Console
 
 from matest.identifiability import Check, LightAdvice, Prediction
-from matest.report.identifiability import check_report
+from matest.report.identifiability import _least_known, check_report
 
 LIGHT = LightAdvice(
     direction=(0.6, 0.0, 0.8),
@@ -75,3 +75,10 @@ def test_a_light_that_resolves_or_frees_parameters_says_so() -> None:
     assert "becomes determined" in text
     assert "With it f0 will be estimated too, no longer taken for granted: f0 ± 0.002. --fix f0=VALUE keeps" in text
     assert "largest relative error" not in text
+
+
+def test_error_and_relative_error_are_those_of_one_channel() -> None:
+    prediction = Prediction([0.5, 0.1], [0.02, 0.01], 0.1, None, "1", "determined")
+    assert _least_known(prediction) == 0.01
+    assert _least_known(Prediction([0.5, None], [0.02, None], None, None, "1", "not determined")) == [0.02, None]
+    assert _least_known(Prediction(0.3, 0.1, 0.3, None, "1", "determined")) == 0.1

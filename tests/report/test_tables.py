@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console, RenderableType
 
 from matest.brdf import MODELS, PRESETS
-from matest.estimation.estimate import PredictionErrors
+from matest.estimation.prediction import PredictionErrors
 from matest.report.tables import (
     add_parameters,
     estimate_table,

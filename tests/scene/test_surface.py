@@ -245,3 +245,16 @@ def test_image_puts_values_at_their_pixels_and_take_keeps_them_aligned():
     np.testing.assert_array_equal(image[~part.mask], -9.0)
     np.testing.assert_array_equal(image[part.mask], surface.normals.numpy()[kept])
     np.testing.assert_array_equal(part.mask, surface.image(kept))
+
+
+def test_rays_cast_in_parts_give_the_same_surface(monkeypatch):
+    vase = trimesh.creation.capsule(height=1.0, radius=0.5)
+    camera = Camera(position=(0.5, 0.2, 5.0), fov_y=30.0)
+    mesh = Mesh(vase.vertices, vase.faces)
+    whole = from_mesh(mesh, camera, (40, 50))
+    monkeypatch.setattr("matest.scene.surface._RAYS", 300)
+    parts = from_mesh(mesh, camera, (40, 50))
+    np.testing.assert_array_equal(parts.pixels, whole.pixels)
+    np.testing.assert_array_equal(parts.rim, whole.rim)
+    for name in ("normals", "positions", "view"):
+        assert torch.equal(getattr(parts, name), getattr(whole, name))

@@ -6,7 +6,7 @@ import torch
 import trimesh
 from scipy.ndimage import binary_dilation, binary_erosion
 
-from matest.scene import Camera, Mesh, Scene, Surface
+from matest.scene import Camera, Mesh, Scene, Surface, visibility
 from matest.scene.surface import from_mesh, from_sphere
 from matest.scene.visibility import cast_shadows, shadow_edges, unoccluded_fraction
 from tests.captures import directional, point, scene_of
@@ -150,3 +150,26 @@ def test_with_shadows_traces_every_light_of_every_image(plate_above_plane):
     assert scene.shadows[2] is None
     edges = [shadow_edges(plate_above_plane, shadow) for shadow in expected]
     np.testing.assert_array_equal(scene.shadow_edge[1], edges[0] | edges[1])
+
+
+def wire(width: float) -> trimesh.Trimesh:
+    """A long narrow strip above the plane, askew."""
+    turn = trimesh.transformations.rotation_matrix(0.4, (0, 0, 1))
+    corners = [(-1.2, -width, HEIGHT), (1.2, -width, HEIGHT), (1.2, width, HEIGHT), (-1.2, width, HEIGHT)]
+    return trimesh.Trimesh(corners, [(0, 1, 2), (0, 2, 3)]).apply_transform(turn)
+
+
+@pytest.mark.parametrize("occluder", [square(HALF, HEIGHT), square(0.05, HEIGHT), wire(0.01), wire(0.03)])
+@pytest.mark.parametrize("light", [directional((0.6, 0.0, 0.8)), point((0.3, 1.1, 2.0))], ids=["distant", "near"])
+def test_large_images_have_the_shadows_that_every_ray_gives(monkeypatch, occluder, light):
+    joined = trimesh.util.concatenate([square(2.0, 0.0), occluder])
+    # Pixels of 0.0125: the narrower wire is less than two wide.
+    surface = from_mesh(Mesh(joined.vertices, joined.faces), Camera(position=(0, 0, 10), height=3.0), (240, 240))
+    expected = cast_shadows(surface, light)
+    assert expected.any()
+    rays = []
+    first_hits = Mesh.first_hits
+    monkeypatch.setattr(visibility, "_ALL_TRACED", 0)
+    monkeypatch.setattr(Mesh, "first_hits", lambda self, o, d: rays.append(len(o)) or first_hits(self, o, d))
+    np.testing.assert_array_equal(cast_shadows(surface, light), expected)
+    assert sum(rays) < 0.5 * len(surface)

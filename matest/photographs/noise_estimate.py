@@ -1,0 +1,131 @@
+"""Read noise and gain of a camera, estimated from its own photographs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from matest.photographs.images import full_scale
+from matest.photographs.noise import FLOAT_FLOOR, Noise, quantisation, steps
+from matest.photographs.photometry import Encoding
+from matest.photographs.windows import chosen_images, windows
+from matest.scene import Surface
+
+# Windows of the smallest sample whose noise is estimated: fewer have too uncertain medians.
+_MIN_WINDOWS = 100
+# Signal below this share of the brightest is in shadow and says nothing of the gain.
+_SHADOW_SHARE = 1e-3
+# Classes of brightness, at most: a line needs no more points.
+_MAX_CLASSES = 20
+# Windows of a class on average, at least, so that its median is certain to about 20 %.
+_CLASS_WINDOWS = 50
+# Share of the windows of a class that may reach an end of the sensor's range.
+_MAX_CLIPPED_SHARE = 0.02
+# Second difference along rows and columns: 0 for planes and for curvature along rows or columns alone.
+_SECOND_DIFFERENCE = np.array([1, -2, 1, -2, 4, -2, 1, -2, 1], dtype=np.float32)
+# Standard deviation of that difference of independent noise of 1: the root of the sum of its squares.
+_SECOND_DIFFERENCE_GAIN = 6
+# Median of |x| for x of a normal distribution of standard deviation 1.
+_NORMAL_MEDIAN = 0.6745
+# Relative standard error of a variance from the median of n absolute values of a normal distribution, times √n.
+_MEDIAN_ERROR = 2.333
+# Sum of the squared correlations of second differences at all windows of an image: (35/18)².
+_OVERLAP = 3.78
+# Fits of the line, each with the errors that the one before gives; they settle in three or four.
+_ROUNDS = 6
+
+
+def noise_of_photographs(stored: Sequence[np.ndarray], encoding: Encoding, surface: Surface) -> Noise:
+    """The noise estimated from photographs of a surface, with standard errors.
+
+    A second difference removes planes and curvature along rows or columns, so that noise remains. Its variance is a
+    line over local brightness: read² + gain·signal. The median over the windows of a brightness class ignores edges.
+
+    Args:
+        stored: per image the surface's pixels [N, C] as in the file.
+        encoding: from pixels to radiance.
+        surface: their place in the image.
+    """
+    index, dtype = windows(surface), stored[0].dtype
+    floor = quantisation(encoding, dtype)
+    parts = [_measured(stored[image][index.ravel()], encoding, index) for image in chosen_images(stored)]
+    level, spread, width, whole = (np.concatenate(column) for column in zip(*parts, strict=True))
+    lit = level > _SHADOW_SHARE * level.max(initial=0)
+    level, spread, width, whole = level[lit], spread[lit], width[lit], whole[lit]
+    if np.count_nonzero(whole) < _MIN_WINDOWS:
+        return Noise(max(floor, FLOAT_FLOOR * float(level.max(initial=1e-3))), 0.0)
+    # Second differences are sums of whole steps: uniform noise one step wide fills the gaps between them.
+    spread = np.abs(spread + width * (np.random.default_rng(0).random(level.size) - 0.5))
+    classes = np.array_split(np.argsort(level), min(_MAX_CLASSES, level.size // _CLASS_WINDOWS))
+    # Where some windows reach an end of the sensor's range, the others are those that happen to have little noise.
+    used = [rows[whole[rows]] for rows in classes if np.count_nonzero(~whole[rows]) <= _MAX_CLIPPED_SHARE * len(rows)]
+    if not used:
+        return Noise(max(floor, FLOAT_FLOOR * float(level.max())), 0.0)
+    x = np.array([level[rows].mean() for rows in used])
+    y = np.array([(np.median(spread[rows]) / (_SECOND_DIFFERENCE_GAIN * _NORMAL_MEDIAN)) ** 2 for rows in used])
+    rounded = np.array([np.square(width[rows]).mean() for rows in used]) / 12
+    # Subtract the uniform noise added above, and the rounding beyond that of the floor: the fit adds that itself.
+    y = (y - rounded / _SECOND_DIFFERENCE_GAIN**2 - (rounded - floor**2).clip(0)).clip(0)
+    overlap = 1 + (_OVERLAP - 1) * len(index) / len(surface)
+    sizes = np.array([len(rows) for rows in used]) / overlap
+    return _line(x, y, sizes, floor**2 + (FLOAT_FLOOR * x.max()) ** 2)
+
+
+def _measured(pixels: np.ndarray, encoding: Encoding, index: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Of the n windows of an image: mean signal, second difference, width of a step, and whether no value is clipped.
+
+    Args:
+        pixels: stored values [9·n, C].
+        encoding: from pixels to radiance.
+        index: the windows [n, 9].
+
+    Returns:
+        Four arrays [n·C].
+    """
+    count, channels = len(index), pixels.shape[1]
+    shape = (count, 9, channels)
+    # Zero is a clipped value of integers, and of floats that a program has cut off.
+    clipped = (encoding.saturated(pixels) | (pixels == 0)).reshape(shape).any(axis=1)
+    signal = encoding.signal(pixels, index.ravel()).reshape(shape)
+    flat = signal.transpose(1, 0, 2).reshape(9, count * channels)
+    difference = (_SECOND_DIFFERENCE @ flat).reshape(count, channels)
+    columns = signal.mean(axis=1), difference, _widths(pixels.reshape(shape)[:, 4], encoding), ~clipped
+    return tuple(column.ravel() for column in columns)
+
+
+def _widths(pixels: np.ndarray, encoding: Encoding) -> np.ndarray:
+    """The width in linear signal of the step that each stored value stands for; 0 for floats."""
+    if pixels.dtype.kind != "u":
+        return np.zeros(pixels.shape)
+    return encoding.step * steps(encoding.transfer, int(full_scale(pixels.dtype)))[pixels]
+
+
+def _line(x: np.ndarray, y: np.ndarray, counts: np.ndarray, smallest: float) -> Noise:
+    """Non-negative fit of y = read² + gain·x, with standard errors.
+
+    A variance is uncertain in proportion to its true value, which the fit itself gives: one that happens to be small
+    must not count for more.
+
+    Args:
+        x: brightness of each class.
+        y: variance of each.
+        counts: of independent values that each variance is from.
+        smallest: read² of the result is not below this.
+    """
+    design = np.stack([np.ones_like(x), x], axis=1)
+    expected = np.full_like(y, y.mean())
+    for _ in range(_ROUNDS):
+        error = _MEDIAN_ERROR * np.maximum(expected, smallest) / np.sqrt(counts)
+        scaled = design / error[:, None]
+        read2, gain = np.linalg.lstsq(scaled, y / error, rcond=None)[0]
+        if gain < 0:
+            read2, gain = float(np.average(y, weights=error**-2)), 0.0
+        elif read2 < 0:
+            read2, gain = 0.0, float(np.average(y / x, weights=(x / error) ** 2))
+        expected = design @ [read2, gain]
+    misfit = max(float(np.square((y - expected) / error).sum()) / max(len(y) - 2, 1), 1.0)
+    read2_std, gain_std = np.sqrt(misfit * np.linalg.pinv(scaled.T @ scaled).diagonal())
+    read2 = max(float(read2), smallest)
+    read_std = np.sqrt(read2 + read2_std) - np.sqrt(read2)
+    return Noise(float(np.sqrt(read2)), float(gain), read_std=float(read_std), gain_std=float(gain_std))

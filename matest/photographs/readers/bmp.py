@@ -1,0 +1,20 @@
+"""BMP: 8 bits a channel, palettes expanded."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from matest.errors import InputError
+from matest.photographs.readers.opencv import decode
+from matest.photographs.readers.raster import Raster
+
+# Place of the number of bits of a pixel in the file.
+_PIXEL_BITS = slice(28, 30)
+
+
+def read_bmp(path: Path) -> Raster:
+    data = path.read_bytes()
+    pixels, _ = decode(path, data, "BMP")
+    if int.from_bytes(data[_PIXEL_BITS], "little") == 16:
+        raise InputError(f"{path}: expected 8 bits a channel; got a BMP of 5 or 6 bits. Save it with 24 bits a pixel.")
+    return Raster(pixels)

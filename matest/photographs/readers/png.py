@@ -1,0 +1,25 @@
+"""PNG: 8 or 16 bits, grey or RGB, with or without alpha; palettes and fewer bits are expanded."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from matest.photographs.readers.opencv import decode
+from matest.photographs.readers.orientation import exif_orientation, upright
+from matest.photographs.readers.raster import Raster, unreadable
+
+# The last chunk of every complete file.
+_END = b"IEND\xaeB`\x82"
+# Place of the colour type in the file, and its value for grey with alpha.
+_COLOUR_TYPE, _GREY_ALPHA = 25, 4
+
+
+def read_png(path: Path) -> Raster:
+    data = path.read_bytes()
+    if data.rfind(_END) < 0:
+        raise unreadable(path, f"the file is truncated after {len(data)} bytes, its end marker is missing")
+    pixels, exif = decode(path, data, "PNG")
+    # OpenCV expands grey with alpha to four channels.
+    if data[_COLOUR_TYPE] == _GREY_ALPHA:
+        pixels = pixels[..., [0, 3]]
+    return upright(Raster(pixels), exif_orientation(exif))
