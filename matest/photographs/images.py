@@ -77,7 +77,12 @@ def write_image(path: Path, image: np.ndarray) -> None:
             pixels = pixels[..., 0]
         channels = {"Y": pixels} if pixels.ndim == 2 else {"RGB": pixels}
         header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-        OpenEXR.File(header, channels).write(os.fspath(path))
+        try:
+            OpenEXR.File(header, channels).write(os.fspath(path))
+        except RuntimeError as error:
+            # The library names the file, then the reason.
+            reason = str(error).rpartition('". ')[2].rstrip(".")
+            raise OSError(None, f"the image cannot be written ({reason})", os.fspath(path)) from None
         return
     import cv2
 

@@ -292,3 +292,16 @@ def test_a_mask_that_is_zero_everywhere_is_refused(tmp_path):
 
 def test_full_scale_is_the_largest_code_and_one_for_floats():
     assert [full_scale(np.dtype(kind)) for kind in (np.uint8, np.uint16, np.float32)] == [255, 65535, 1]
+
+
+def test_an_exr_image_that_does_not_fit_the_disk_is_an_error_of_the_file(tmp_path):
+    resource = pytest.importorskip("resource", reason="this system has no limit of the size of files")
+    image = np.random.default_rng(1).random((64, 64, 3))
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 12, hard))
+    try:
+        with pytest.raises(OSError, match="cannot be written") as caught:
+            write_image(tmp_path / "00.exr", image)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert caught.value.filename == str(tmp_path / "00.exr")
