@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import io
 import sys
 from typing import Annotated, Any
 
@@ -20,6 +21,10 @@ _INTERRUPTED = 130
 
 def main() -> None:
     """Run the command: exit code 0, 1 (the work failed) or 2 (bad input)."""
+    for stream in (sys.stdout, sys.stderr):
+        # A terminal or a locale may lack ± and σ, and file names may be no text.
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
     try:
         code = application()(prog_name="matest", standalone_mode=False)
     except InputError as error:

@@ -60,7 +60,7 @@ def compare(images: list[np.ndarray], names: list[str], line: Line) -> Compariso
                 f"{image.shape[1]}. Render the images at one size."
             )
     x0, y0, x1, y1 = line
-    if min(x0, x1, y0, y1) < 0 or max(x0, x1) > shape[1] - 1 or max(y0, y1) > shape[0] - 1:
+    if not all(0 <= x <= shape[1] - 1 and 0 <= y <= shape[0] - 1 for x, y in ((x0, y0), (x1, y1))):
         raise InputError(
             f"the line {x0:g},{y0:g} to {x1:g},{y1:g} leaves the image: x runs from 0 to {shape[1] - 1}, y from 0 to "
             f"{shape[0] - 1}."

@@ -23,6 +23,7 @@ from matest.capture.assembly import ImageFormat, Setup, realise
 from matest.capture.description import Description, describe, image_channels, image_shape
 from matest.errors import Fault, InputError, errors_of, refuse
 from matest.estimation.specification import optics, resolve
+from matest.outputs import keep_inputs, whole_files
 from matest.photographs.images import write_image
 from matest.photographs.noise import Noise
 from matest.photographs.photometry import Encoding
@@ -46,6 +47,8 @@ _BITS: dict[str, tuple[int | None, ...]] = {
 }
 # Keys of [camera] that only a scene has.
 _SCENE_KEYS = ("resolution", "supersampling")
+# Name of the capture file.
+_CAPTURE = "capture.toml"
 # First line of the capture files that are written here: only such a file is written over.
 _HEADER = "# A simulated capture, written by 'matest render' from {scene}; rendering again replaces it.\n"
 
@@ -89,6 +92,9 @@ def load_scene(path: str | Path) -> SimulatedScene:
         raise InputError(f"{file}: camera.supersampling must be 1 to 16, and 1 with a normal map; got {supersampling}.")
     if tables.encoding.flat is not None or isinstance(tables.encoding.black, str):
         raise InputError(f"{file}: a simulated camera has no flat field or dark frame; use a number for black.")
+    black = tables.encoding.black
+    if images.dtype.kind == "u" and not black < _PEAK_LEVEL:
+        raise InputError(f"{file}: encoding.black must leave room for light, below {_PEAK_LEVEL}; got {black}.")
     transfer = tables.encoding.transfer or "linear"
     setup = realise(description, images, transfer=transfer, supersampling=supersampling)
     with errors_of(file):
@@ -134,7 +140,6 @@ def simulate(path: str | Path, out: str | Path | None = None, progress: Progress
     scene = load_scene(path)
     tables, file = scene.description.tables, scene.description.file
     folder = Path(out) if out is not None else file.parent
-    target = folder / "capture.toml"
     bits = bits_of(tables, str(file))
     suffix = ".png" if bits else ".exr"
     names = [table.file or f"{number:02d}{suffix}" for number, table in enumerate(tables.image)]
@@ -142,16 +147,14 @@ def simulate(path: str | Path, out: str | Path | None = None, progress: Progress
     encoding = _exposed(scene)
     noise = scene.setup.noise or Noise(0.0, 0.0)
     generator = np.random.Generator(np.random.Philox(tables.noise.seed if tables.noise else 0))
-    folder.mkdir(parents=True, exist_ok=True)
-    for number, table in enumerate(tables.image):
-        pixels = expose(radiance(scene, number), table.exposure, encoding, noise, generator)
-        _replace(folder / names[number], stored_pixels(pixels, encoding, bits))
-        progress("rendering images", number + 1, len(tables.image))
-    _write_geometry(scene, folder)
-    text = _HEADER.format(scene=file.name) + _toml(_capture_table(tables, encoding, names))
-    temporary = target.with_suffix(".toml.part")
-    temporary.write_text(text, "utf-8")
-    os.replace(temporary, target)
+    with whole_files(folder, last=_CAPTURE) as part:
+        for number, table in enumerate(tables.image):
+            pixels = expose(radiance(scene, number), table.exposure, encoding, noise, generator)
+            _write(part / names[number], stored_pixels(pixels, encoding, bits))
+            progress("rendering images", number + 1, len(tables.image))
+        _write_geometry(scene, part, copies=not _same(folder, file.parent))
+        text = _HEADER.format(scene=file.name) + _toml(_capture_table(tables, encoding, names))
+        (part / _CAPTURE).write_text(text, "utf-8")
     return folder
 
 
@@ -222,15 +225,28 @@ def _check_outputs(description: Description, folder: Path, names: list[str]) -> 
     Raises:
         InputError: a file that is in the way, or that the scene itself refers to.
     """
-    target = folder / "capture.toml"
+    target = folder / _CAPTURE
     earlier = target.exists() and target.read_text("utf-8").startswith(_HEADER.split("{")[0])
     if target.exists() and not earlier:
         raise InputError(f"{target}: exists and was not written by 'matest render'; give another folder with -o.")
-    inputs = {description.folder / name for _, name in description.references}
-    for name in (*names, "mask.png", "normals.exr"):
-        path = folder / name
-        if path in inputs or (path.exists() and not earlier):
+    copied = [] if _same(folder, description.folder) else _copied(description)
+    outputs = [folder / name for name in (*names, "mask.png", "normals.exr", *copied)]
+    inputs = [description.file, *(description.folder / name for _, name in description.references)]
+    keep_inputs([*outputs, target], inputs)
+    for path in outputs:
+        if path.exists() and not earlier:
             raise InputError(f"{path}: would be overwritten; give another folder with -o.")
+
+
+def _copied(description: Description) -> list[str]:
+    """Files of the geometry that a capture takes from its scene."""
+    geometry = description.tables.geometry
+    return [reference for reference in (geometry.mesh, geometry.positions) if reference is not None]
+
+
+def _same(folder: Path, source: Path) -> bool:
+    """Whether two paths lead to one folder."""
+    return folder.resolve() == source.resolve()
 
 
 def _exposed(scene: SimulatedScene) -> Encoding:
@@ -261,20 +277,19 @@ def stored_pixels(pixels: np.ndarray, encoding: Encoding, bits: int | None) -> n
     return np.round(encoding.encoded(pixels).clip(0, 1) * (2**bits - 1)).astype(_DTYPES[bits])
 
 
-def _write_geometry(scene: SimulatedScene, folder: Path) -> None:
-    """Mask (share of the pixel that is object), normals, and the files the geometry refers to."""
-    surface, factor, source = scene.scene.surface, scene.supersampling, scene.description.folder
+def _write_geometry(scene: SimulatedScene, folder: Path, copies: bool) -> None:
+    """Mask (share of the pixel that is object), normals, and with `copies` the files the geometry refers to."""
+    surface, factor = scene.scene.surface, scene.supersampling
     height, width = scene.images.shape
     coverage = surface.mask.reshape(height, factor, width, factor).mean(axis=(1, 3))
-    _replace(folder / "mask.png", np.ceil(coverage * 255).astype(np.uint8))
+    _write(folder / "mask.png", np.ceil(coverage * 255).astype(np.uint8))
     normals = surface.image(surface.normals.numpy())
     mean = cv2.resize(normals, (width, height), interpolation=cv2.INTER_AREA) if factor > 1 else normals
     length = np.linalg.norm(mean, axis=-1, keepdims=True)
-    _replace(folder / "normals.exr", mean / np.maximum(length, 1e-12))
-    for reference in (scene.description.tables.geometry.mesh, scene.description.tables.geometry.positions):
-        if reference is not None and folder.resolve() != source.resolve():
-            (folder / reference).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(source / reference, folder / reference)
+    _write(folder / "normals.exr", mean / np.maximum(length, 1e-12))
+    for reference in _copied(scene.description) if copies else ():
+        (folder / reference).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(scene.description.folder / reference, folder / reference)
 
 
 def _capture_table(tables: schema.SceneFile, encoding: Encoding, names: list[str]) -> dict[str, Any]:
@@ -309,9 +324,6 @@ def _changes(table: msgspec.Struct) -> dict[str, Any]:
     }
 
 
-def _replace(path: Path, image: np.ndarray) -> None:
-    """Write an image whole or not at all."""
+def _write(path: Path, image: np.ndarray) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".part-{path.name}")
-    write_image(temporary, image)
-    os.replace(temporary, path)
+    write_image(path, image)

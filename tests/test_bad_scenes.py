@@ -43,6 +43,8 @@ NAMED = '[[image]]\nfile = "{}"\nlights = [ {{ direction = [0, 0, 1], irradiance
         ((LAMBERT, SPHERE, scenes.distant(([0, 0, 0],))), "direction"),
         ((LAMBERT, SPHERE, "[noise]\nread = -0.1", LIGHT), "noise.read"),
         ((LAMBERT, SPHERE, "[noise]\ngain = nan", LIGHT), "noise.gain"),
+        ((LAMBERT, SPHERE, "[noise]\nseed = -1", LIGHT), "noise.seed"),
+        ((LAMBERT, SPHERE, "[encoding]\nblack = 1.0", "[noise]\nbits = 8", LIGHT), "encoding.black"),
         ((LAMBERT, SPHERE, "[[image]]\nexposure = 0.0\nlights = []"), "image 0: exposure"),
     ],
 )

@@ -262,6 +262,33 @@ def test_a_capture_that_was_photographed_is_never_overwritten(tmp_path: Path) ->
     assert files(tmp_path) == before
 
 
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(28, "No space left")], ids=["stopped", "full"])
+def test_a_rendering_that_ends_early_leaves_the_folder_as_it_was(tmp_path: Path, error: BaseException) -> None:
+    def end(_: str, number: int, count: int) -> None:
+        if number == count:
+            raise error
+
+    scene = sphere_scene(tmp_path / "scene", noise(16), SIX_LIGHTS)
+    with pytest.raises(type(error)):
+        simulate(scene, tmp_path / "new", end)
+    assert not (tmp_path / "new").exists()
+    folder = simulate(scene, tmp_path / "earlier")
+    before = files(folder)
+    with pytest.raises(type(error)):
+        simulate(sphere_scene(tmp_path / "scene", noise(16, 0.1), SIX_LIGHTS), folder, end)
+    assert files(folder) == before
+
+
+def test_a_mesh_that_lies_in_the_way_is_not_overwritten(tmp_path: Path) -> None:
+    trimesh.creation.icosphere(subdivisions=3).export(tmp_path / "ball.ply")
+    geometry = '[geometry]\nmesh = "ball.ply"\n[camera]\nheight = 2.5\nresolution = [20, 24]\n'
+    scene = scenes.write(tmp_path, LAMBERT, geometry, noise(16), ONE_LIGHT)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "ball.ply").write_bytes(b"another mesh")
+    assert "ball.ply: would be overwritten" in refusal(lambda: simulate(scene, tmp_path / "out"))
+    assert files(tmp_path / "out") == {"ball.ply": b"another mesh"}
+
+
 def test_no_partial_file_is_left_behind(tmp_path: Path) -> None:
     folder = simulate(sphere_scene(tmp_path, noise(16)))
     assert {path.name for path in folder.iterdir()} == {

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from matest.capture.description import Description
+from matest.capture.description import LARGEST, Description
 from matest.capture.geometry import check_size, visible_surface
 from matest.capture.schema import ImageTable, LightTable
 from matest.errors import Fault, InputError, refuse
@@ -125,16 +125,16 @@ def _saturation(description: Description, images: ImageFormat) -> float | tuple[
     """Stored value from which on the sensor is saturated, one or one per channel; None: never.
 
     Raises:
-        InputError: another number of values, one that is not positive.
+        InputError: another number of values.
     """
     stated = description.tables.encoding.saturation
     if stated is None:
         return _SATURATION if images.dtype.kind == "u" else None
     values = stated if isinstance(stated, list) else [stated]
-    if len(values) not in (1, images.channels) or not all(value > 0 for value in values):
+    if len(values) not in (1, images.channels):
         raise InputError(
             f"{description.file}: encoding.saturation must be one number or {images.channels} (one per channel of the "
-            f"images), fractions of full scale above 0; got {stated}."
+            f"images); got {stated}."
         )
     return tuple(values) if len(values) > 1 else values[0]
 
@@ -251,13 +251,13 @@ def _light_faults(table: LightTable) -> Iterator[Fault]:
 
 
 def _colour(value: float | list[float], channels: int, label: str) -> Tensor:
-    """A number or one number per channel as [C], finite and not negative; equal ones serve any number of channels."""
+    """A number or one number per channel as [C], not negative and below `LARGEST`; equal ones serve any C."""
     values = torch.atleast_1d(torch.as_tensor(value, dtype=torch.float64))
     if len(values.unique()) == 1:
         values = values[:1]
-    if len(values) not in (1, channels) or not bool((torch.isfinite(values) & (values >= 0)).all()):
+    if len(values) not in (1, channels) or not bool(((values >= 0) & (values < LARGEST)).all()):
         raise InputError(
-            f"{label} must be one number or {channels} (one per channel of the images), finite and not negative; got "
-            f"{value}."
+            f"{label} must be one number or {channels} (one per channel of the images), not negative and below "
+            f"{LARGEST:g}; got {value}."
         )
     return values.expand(channels).clone()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -15,7 +14,8 @@ import torch
 
 from matest.capture import schema
 from matest.capture.assembly import ImageFormat, realise
-from matest.capture.description import describe
+from matest.capture.description import capture_file, describe
+from matest.capture.digests import digested
 from matest.errors import InputError
 from matest.photographs.images import ImageFile, read_image_file
 from matest.photographs.photographs import Photographs
@@ -39,7 +39,7 @@ class Capture:
         photographs: of the object, with its geometry and light.
         files: the image files.
         folder: that holds the capture.
-        others: capture.toml and the other files that it refers to.
+        sums: SHA-256 of the bytes that were read of every file: images, capture.toml, and the others.
         timing: seconds spent reading images, building geometry and estimating noise.
     """
 
@@ -47,7 +47,7 @@ class Capture:
     photographs: Photographs
     files: tuple[Path, ...] = ()
     folder: Path = Path()
-    others: tuple[Path, ...] = ()
+    sums: dict[Path, str] = field(default_factory=dict)
     timing: dict[str, float] = field(default_factory=dict)
 
     def __len__(self) -> int:
@@ -91,11 +91,8 @@ class Capture:
         return self.photographs.samples(images, dtype=dtype, device=device)
 
     def digests(self) -> dict[str, str]:
-        """SHA-256 of every file of the capture, by its path from the folder."""
-        return {
-            os.path.relpath(file, self.folder): "sha256:" + hashlib.sha256(file.read_bytes()).hexdigest()
-            for file in (*self.files, *self.others)
-        }
+        """SHA-256 of every file of the capture as it was read, by its path from the folder."""
+        return {os.path.relpath(file, self.folder): digest for file, digest in self.sums.items()}
 
 
 def load_capture(
@@ -118,7 +115,9 @@ def load_capture(
     Raises:
         InputError: anything about the files that cannot be used, in one sentence.
     """
-    description = describe(path, schema.CaptureFile, root=root)
+    sums: dict[Path, str] = {}
+    with digested([capture_file(path, "capture.toml")], sums):
+        description = describe(path, schema.CaptureFile, root=root)
     files = [table.file for table in description.tables.image]
     if None in files:
         raise InputError(
@@ -127,22 +126,24 @@ def load_capture(
     paths = [description.path(name, f"image {k}: file") for k, name in enumerate(files) if name is not None]
     timing = {"read": 0.0, "geometry": 0.0, "noise": 0.0}
     # The size and the type of the first image decide how the geometry and the encoding are built.
-    with _time(timing, "read"):
+    with _time(timing, "read"), digested(paths[:1], sums):
         first = read_image_file(paths[0])
-    with _time(timing, "geometry"):
+    references = [Path(os.path.normpath(description.folder / name)) for _, name in description.references]
+    with _time(timing, "geometry"), digested(references, sums):
         setup = realise(description, ImageFormat.of(first.pixels), transfer=transfer)
     with _time(timing, "read"):
-        stored, notes = _decode(paths, first, setup.scene.surface.pixels, progress)
+        stored, notes = _decode(paths, first, setup.scene.surface.pixels, sums, progress)
     with _time(timing, "noise"):
         sensor = sensor_of(
             stored, setup.encoding, setup.scene.surface, setup.noise, clips_as_stated=setup.saturation_stated
         )
+    others = [description.path(name, key) for key, name in description.references]
     return Capture(
         name=description.name,
         photographs=replace(setup.photographs(stored, sensor), notes=_sentences(description.names, notes)),
         files=tuple(paths),
         folder=description.folder,
-        others=(description.file, *(description.path(name, key) for key, name in description.references)),
+        sums={file: sums[file] for file in (*paths, description.file, *others)},
         timing=timing,
     )
 
@@ -156,9 +157,12 @@ def _time(seconds: dict[str, float], step: str) -> Iterator[None]:
 
 
 def _decode(
-    paths: list[Path], first_file: ImageFile, pixels: np.ndarray, progress: Progress
+    paths: list[Path], first_file: ImageFile, pixels: np.ndarray, sums: dict[Path, str], progress: Progress
 ) -> tuple[tuple[np.ndarray, ...], list[tuple[str, ...]]]:
-    """The object's pixels of every image and the notes of its reader; memory holds only a few whole images at once."""
+    """The object's pixels of every image and the notes of its reader; digests of the files are added to `sums`.
+
+    Memory holds only a few whole images at once.
+    """
     storage = Storage()
     first = first_file.pixels
 
@@ -166,7 +170,8 @@ def _decode(
         return storage.keep(image.reshape(-1, image.shape[2])[pixels])
 
     def load(path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
-        file = read_image_file(path)
+        with digested([path], sums):
+            file = read_image_file(path)
         image = file.pixels
         if image.shape[:2] != first.shape[:2]:
             raise InputError(

@@ -16,6 +16,8 @@ from matest.photographs.images import read_image
 
 # Largest width and height of images that do not exist yet, pixels: a typo must not fill the memory.
 _MAX_SIDE = 16384
+# Largest number that a file may state: squares of radiance and its noise must stay within single precision.
+LARGEST = 1e15
 
 
 @dataclass(frozen=True)
@@ -170,14 +172,22 @@ def _faults(tables: schema.CaptureFile) -> Iterator[Fault]:
         possible = camera.fov_y is None or 0 < camera.fov_y < math.pi
         yield not possible, f"camera.fov_y must lie between 0 and π rad; got {camera.fov_y}."
     yield not _positive(scale), f"encoding.scale is the radiance of full scale and must be positive; got {scale}."
+    black, saturation = tables.encoding.black, tables.encoding.saturation
+    possible = isinstance(black, str) or abs(black) < LARGEST
+    yield not possible, f"encoding.black must be a fraction of full scale; got {black}."
+    levels = saturation if isinstance(saturation, list) else [saturation]
+    sentence = f"encoding.saturation must be a positive fraction of full scale, or one per channel; got {saturation}."
+    yield not all(_positive(level) for level in levels), sentence
     for key, value in (("read", noise.read), ("gain", noise.gain)) if noise is not None else ():
-        possible = math.isfinite(value) and value >= 0
+        possible = 0 <= value < LARGEST
         yield not possible, f"noise.{key} must be finite and not negative; got {value}. Correct or remove it."
+    seed = 0 if noise is None else noise.seed
+    yield seed < 0, f"noise.seed must not be negative; got {seed}."
     for number, image in enumerate(tables.image):
         sentence = f"image {number}: exposure must be positive; got {image.exposure}."
         yield not _positive(image.exposure), sentence
 
 
 def _positive(value: float | None) -> bool:
-    """Whether a number is positive and finite; True where the file states none."""
-    return value is None or (math.isfinite(value) and value > 0)
+    """Whether a number is positive and below `LARGEST`; True where the file states none."""
+    return value is None or 0 < value < LARGEST

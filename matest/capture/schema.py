@@ -110,6 +110,8 @@ def read(path: Path, kind: type[File]) -> File:
         raise InputError(f"{path}: no such file; a capture is a folder with a capture.toml.") from None
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InputError(f"{path}: expected a TOML file; {error}.") from None
+    except RecursionError:
+        raise InputError(f"{path}: expected a TOML file of a capture; its values are nested too deeply.") from None
     if "material" in table and kind is CaptureFile:
         raise InputError(f"{path}: this is a scene, not a capture; make photographs of it with 'matest render'.")
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,6 +11,7 @@ import typer
 from matest.commands import arguments
 from matest.commands.console import console, print_json
 from matest.errors import InputError
+from matest.outputs import keep_inputs
 
 EXAMPLE = "matest compare truth/00.exr oren-nayar/00.exr lambert/00.exr --row 128 -o figure-13"
 
@@ -35,6 +37,9 @@ def compare(
 
     if len(images) < 2:
         raise InputError("compare needs two images or more; the first is the reference.")
+    stem = out.with_suffix("") if out.suffix in (".png", ".csv") else out
+    plot, table = Path(f"{stem}.png"), Path(f"{stem}.csv")
+    keep_inputs((plot, table), images)
     pixels = [_as_fractions(read_image(path)) for path in images]
     height, width = pixels[0].shape[:2]
     section = profiles.middle_row((height, width))
@@ -48,8 +53,6 @@ def compare(
         section = arguments.line(line)
     comparison = profiles.compare(pixels, _distinct(images), section)
     out.parent.mkdir(parents=True, exist_ok=True)
-    stem = out.with_suffix("") if out.suffix in (".png", ".csv") else out
-    plot, table = Path(f"{stem}.png"), Path(f"{stem}.csv")
     plot_profiles(comparison, plot)
     curves = zip(comparison.names, comparison.profiles, strict=True)
     write_columns(table, {"distance": comparison.distance, **dict(curves)})
@@ -73,9 +76,12 @@ def _as_fractions(image: Any) -> Any:
 
 
 def _distinct(paths: list[Path]) -> list[str]:
-    """The shortest ends of some paths that differ from each other."""
+    """The shortest ends of some paths that differ from each other, as text; the whole paths where none do."""
     for depth in range(1, max(len(path.parts) for path in paths) + 1):
         names = ["/".join(path.parts[-depth:]) for path in paths]
         if len(set(names)) == len(names):
-            return names
-    return [str(path) for path in paths]
+            break
+    else:
+        names = [str(path) for path in paths]
+    # Bytes that are no text can be neither drawn nor written.
+    return [os.fsencode(name).decode("utf-8", "backslashreplace") for name in names]

@@ -26,7 +26,7 @@ def progress(title: str) -> Iterator[Progress]:
     from rich.console import Console
 
     columns = (
-        bars.SpinnerColumn(), bars.BarColumn(bar_width=20), bars.TextColumn("{task.description}"),
+        bars.SpinnerColumn(), bars.BarColumn(bar_width=20), bars.TextColumn("{task.description}", markup=False),
         bars.TimeElapsedColumn(),
     )  # fmt: skip
     with bars.Progress(*columns, console=Console(stderr=True), transient=True) as bar:
@@ -41,11 +41,13 @@ def progress(title: str) -> Iterator[Progress]:
 def console(*, stderr: bool = False) -> Console:
     from rich.console import Console
 
-    return Console(highlight=False, stderr=stderr)
+    # File names may have brackets, which are markup to rich.
+    return Console(highlight=False, markup=False, stderr=stderr)
 
 
 def print_json(content: Any) -> None:
-    typer.echo(json.dumps(content, ensure_ascii=False))
+    unicode = (sys.stdout.encoding or "").lower().startswith("utf")
+    typer.echo(json.dumps(content, ensure_ascii=not unicode))
 
 
 def note(text: str) -> None:

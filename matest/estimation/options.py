@@ -46,6 +46,8 @@ class Options:
             raise InputError(
                 f"precision is a relative standard error, such as 0.001, between 0 and 1; got {self.precision}."
             )
+        if self.seed < 0:
+            raise InputError(f"--seed must not be negative; got {self.seed}.")
 
     @property
     def automatic(self) -> bool:

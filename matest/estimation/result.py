@@ -158,6 +158,9 @@ def load_material(path: str | Path) -> Brdf:
         brdf, _ = model(content["model"])
         # Under relative radiometry an albedo may exceed 1: `replace` does not check tensors.
         values = {key: torch.as_tensor(value, dtype=torch.float64) for key, value in content["parameters"].items()}
+        # Squares of what is shaded with it must stay within single precision.
+        if beyond := [key for key, value in values.items() if not bool(value.float().square().isfinite().all())]:
+            raise InputError(f"{beyond[0]} is {content['parameters'][beyond[0]]}; estimate it again.")
         return brdf.replace(values)
     except InputError as error:
         raise InputError(f"{_material_file(path)}: expected a material of 'matest estimate'; {error}") from None

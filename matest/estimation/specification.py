@@ -73,7 +73,8 @@ def specify(
         scene: gives what models take from lights and camera; None: nothing does.
 
     Raises:
-        InputError: an unknown model or parameter, a value outside its domain, a tie that makes no sense.
+        InputError: an unknown model or parameter, a value outside its domain, a tie that makes no sense, or nothing
+            to estimate.
     """
     brdf, bracketed = model(expression)
     free = {resolve(brdf, name) for name in options.free}
@@ -91,6 +92,10 @@ def specify(
     defaults = {name: torch.tensor(hold.value, dtype=torch.float64) for name, hold in holds.items()}
     held = {**fixed, **measured, **defaults}
     estimated = tuple(name for name in brdf.declared if name not in held and name not in ties)
+    if not estimated:
+        raise InputError(
+            f"every parameter of {expression} has its value, and none is left to estimate: leave out a --fix or --tie."
+        )
     if relative:
         _check_scale(brdf, estimated, held, ties)
 

@@ -62,7 +62,7 @@ def light_columns(
     stacked = torch.stack(torch.broadcast_tensors(*shapes))
     if coefficients is not None:
         light = light * _positive(stacked, coefficients.to(stacked))
-    values = (stacked * light).sum(-2) if light.shape[-2] > 1 else (stacked * light)[..., 0, :]
+    values = (stacked * light)[..., 0, :] if light.shape[-2] == 1 else (stacked * light).sum(-2)
     if from_sky is not None:
         values = values + from_sky
     if values.shape[-1] > 1 or tint is None:
@@ -73,6 +73,9 @@ def light_columns(
 
 def _positive(shapes: Tensor, coefficients: Tensor) -> Tensor:
     """1 where the reflectance Σk coefficients · shapes [K, n, L, 1 or C] is not negative [n, L, 1 or C]."""
+    if not shapes.numel():
+        # Only the sky lights these points.
+        return shapes.new_ones(1, 1, 1)
     if shapes.shape[-1] == 1:
         reflectance = (coefficients @ shapes.flatten(1)).reshape(-1, *shapes.shape[1:3]).permute(1, 2, 0)
     else:

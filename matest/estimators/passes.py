@@ -126,6 +126,8 @@ def _sum_columns(
     def sum_tile(get: Callable[[], Tile]) -> list[Moments]:
         with torch.no_grad():
             parts, tile = [], get()
+            if not len(tile):
+                return []
             columns, radiance, reference = expand(tile)
             if tile.merged is not None and reference is not None:
                 tile, finer = tile.merged.judge(tile, reference, residual_scale)

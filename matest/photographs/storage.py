@@ -8,6 +8,8 @@ from threading import Lock
 
 import numpy as np
 
+from matest.errors import InputError
+
 # Most bytes of pixels in memory (96 MiB), so that memory does not grow with the number of images.
 MEMORY_BUDGET = 96 << 20
 
@@ -20,17 +22,39 @@ class Storage:
         self._lock = Lock()
 
     def keep(self, array: np.ndarray) -> np.ndarray:
-        """The array itself, or the same values mapped from a temporary file."""
+        """The array itself, or the same values mapped from a temporary file.
+
+        Raises:
+            InputError: the temporary folder cannot hold it.
+        """
         with self._lock:
             self._bytes += array.nbytes
             if self._bytes <= MEMORY_BUDGET:
                 return array
-        with tempfile.TemporaryFile() as file:
-            mapped = np.memmap(file, dtype=array.dtype, shape=array.shape, mode="w+")
-        mapped[:] = array
-        mapped.flush()
+        try:
+            mapped = _in_temporary_file(array)
+        except OSError as error:
+            raise InputError(
+                f"{tempfile.tempdir or 'temporary folder'}: expected room for the pixels of the photographs that "
+                f"exceed the memory for them ({MEMORY_BUDGET >> 20} MB); got '{error.strerror or error}'. Free space "
+                "there, or set TMPDIR to a folder with more."
+            ) from None
         release(mapped)
         return mapped
+
+
+def _in_temporary_file(array: np.ndarray) -> np.ndarray:
+    """The same values mapped from a temporary file.
+
+    They are written, not stored through the map: where the disk is full, a store kills the process.
+
+    Raises:
+        OSError: the file cannot be made or is too large for the disk.
+    """
+    with tempfile.TemporaryFile() as file:
+        file.write(np.ascontiguousarray(array).data)
+        file.flush()
+        return np.memmap(file, dtype=array.dtype, shape=array.shape, mode="r+")
 
 
 def release(array: np.ndarray) -> None:

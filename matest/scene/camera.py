@@ -49,6 +49,11 @@ class Camera:
     def orthographic(self) -> bool:
         return self.fov_y is None and self.matrix is None
 
+    @property
+    def forward(self) -> np.ndarray:
+        """Unit vector from the camera along its line of sight [3]."""
+        return -self._axes()[2]
+
     def _axes(self) -> np.ndarray:
         """Rows: right, up, backward (toward the viewer) in world coordinates."""
         backward = np.subtract(self.position, self.target, dtype=float)

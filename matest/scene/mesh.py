@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import logging
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from matest.errors import InputError
+
+# trimesh logs the tracebacks of what shapes do not need, such as a missing texture; without a handler they are printed.
+logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
 # Most faces of a mesh that is tested for convexity: the hull of more takes longer than shadow rays.
 _MAX_HULL_FACES = 50_000
@@ -103,6 +107,10 @@ class Mesh:
     def bounds(self) -> np.ndarray:
         """Lowest and highest corner, [2, 3]."""
         return np.asarray(self._mesh.bounds)
+
+    def nearest_depth(self, direction: np.ndarray) -> float:
+        """Smallest coordinate of a vertex along a unit vector [3]."""
+        return float((self._mesh.vertices @ direction).min())
 
     def first_hits(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Index of the first triangle along each ray (−1: none) and the distance to it (infinite: none).

@@ -131,9 +131,9 @@ class _View(NamedTuple):
         """The view of a mesh through some pixels of an image."""
         origins, directions = camera.rays(shape, pixels)
         if camera.orthographic:
-            # Parallel rays may start anywhere: put the image plane in front of the whole mesh.
-            in_front = 2 * mesh.extent + np.linalg.norm(np.subtract(camera.position, camera.target))
-            origins = origins - directions * in_front
+            # The object is seen whole, wherever the camera stands on its line of sight.
+            start = mesh.nearest_depth(camera.forward) - mesh.extent
+            origins = origins + directions * (start - origins @ camera.forward)[:, None]
         faces, distance = mesh.first_hits(origins, directions)
         hit = faces >= 0
         faces, distance, directions = faces[hit], distance[hit], directions[hit]

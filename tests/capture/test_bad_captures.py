@@ -151,6 +151,7 @@ def test_a_light_without_direction_is_refused(folder, direction):
         {"position": [0.0, 0.0, math.nan], "intensity": 1.0},
         {"direction": [0.0, 0.0, 1.0], "irradiance": -1.0},
         {"direction": [0.0, 0.0, 1.0], "irradiance": math.nan},
+        {"direction": [0.0, 0.0, 1.0], "irradiance": 1e23},
         {"direction": [0.0, 0.0, 1.0], "irradiance": [1.0, 2.0]},
         {"direction": [0.0, 0.0, 1.0], "intensity": 1.0},
         {"position": [0.0, 0.0, 9.0], "irradiance": 1.0},
@@ -258,7 +259,10 @@ def test_a_typo_names_the_nearest_known_key(folder, table, typo, key):
         ("encoding", {"scale": -1.0}, "scale"),
         ("encoding", {"scale": math.nan}, "scale"),
         ("noise", {"read": -0.1}, "read"),
+        ("encoding", {"saturation": math.nan}, "saturation"),
+        ("encoding", {"black": math.nan}, "black"),
         ("noise", {"gain": math.nan}, "gain"),
+        ("noise", {"read": 1e30}, "read"),
     ],
     ids=str,
 )
@@ -278,6 +282,13 @@ def test_an_exposure_that_is_not_positive_is_refused(folder, exposure):
     message = refusal(folder.load)
     assert str(folder.file) in message
     assert "image 1: exposure" in message
+
+
+def test_ambient_light_too_strong_for_single_precision_is_refused(folder):
+    folder.tables["image"][1]["ambient"] = [1e23, 1.0, 1.0]
+    message = refusal(folder.load)
+    assert str(folder.file) in message
+    assert "image 1: ambient" in message
 
 
 def test_a_flat_field_with_zeros_is_refused(folder):

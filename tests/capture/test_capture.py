@@ -11,7 +11,7 @@ import trimesh
 
 import matest
 from matest.brdf import Lambert
-from matest.photographs.images import write_image
+from matest.photographs.images import ImageFile, read_image, write_image
 from tests.captures import (
     ALBEDO,
     RADIUS,
@@ -209,6 +209,32 @@ def test_digests_are_those_of_the_files(folder):
     content = (folder.path / "01.npy").read_bytes()
     assert capture.digests()["01.npy"] == "sha256:" + hashlib.sha256(content).hexdigest()
     assert list(capture.digests()) == ["00.npy", "01.npy", "capture.toml", "mask.png"]
+
+
+def test_digests_are_those_of_the_files_as_they_were_read(folder):
+    before = folder.load().digests()
+    capture = folder.load()
+    folder.put("01.npy", np.load(folder.path / "00.npy"))
+    (folder.path / "mask.png").unlink()
+    assert capture.digests() == before
+
+
+@pytest.mark.parametrize("name", ["00.npy", "01.npy", "mask.png"])
+def test_a_file_that_is_written_while_it_is_read_is_refused(folder, monkeypatch, name):
+    def disturbed(path):
+        image = read_image(path)
+        if path.name == name:
+            path.write_bytes(path.read_bytes())
+        return image
+
+    def disturbed_file(path):
+        return ImageFile(disturbed(path), None, ())
+
+    monkeypatch.setattr("matest.capture.capture.read_image_file", disturbed_file)
+    monkeypatch.setattr("matest.capture.geometry.read_image", disturbed)
+    monkeypatch.setattr("matest.capture.geometry.read_mask", lambda path: disturbed(path)[..., 0])
+    message = refusal(folder.load)
+    assert message.startswith(f"{folder.path / name}: ")
 
 
 def test_progress_counts_the_images(folder):

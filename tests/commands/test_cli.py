@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -123,3 +124,19 @@ def test_a_command_that_cannot_be_read_is_refused_in_one_line(run: Run, argument
     assert err.startswith("matest: ")
     assert words in err
     assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
+def test_what_a_terminal_cannot_show_is_replaced(capture: Path, encoding: str) -> None:
+    environment = {**os.environ, "PYTHONIOENCODING": encoding}
+    command = [sys.executable, "-m", "matest", "estimate", str(capture), "--model", "oren-nayar"]
+    done = subprocess.run(command, env=environment, capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert b"albedo R" in done.stdout
+
+
+def test_brackets_in_the_name_of_a_folder_are_no_markup(run: Run, capture: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "run[final]x"
+    code, out, _ = run("estimate", capture, "--model", "lambert", "-o", folder)
+    assert code == 0
+    assert f"Result in {folder} (open {folder / 'report.html'})" in out

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
+import sys
 from pathlib import Path
+
+import pytest
 
 from tests.commands.conftest import Run
 
@@ -30,3 +34,31 @@ def test_a_comparison_of_one_image_or_along_two_lines_is_refused(run: Run, captu
     code, out, err = run("compare", capture / "00.png", capture / "01.png", "--row", 3, "--column", 4)
     assert (code, out) == (2, "")
     assert "one of --row, --column and --line" in err
+
+
+def test_a_photograph_is_not_overwritten_by_its_plot(run: Run, capture: Path) -> None:
+    photograph = capture / "00.png"
+    before = photograph.read_bytes()
+    for name in ("00", "00.png", "00.csv"):
+        code, out, err = run("compare", photograph, capture / "01.png", "-o", capture / name)
+        assert (code, out) == (2, "")
+        assert err.startswith(f"matest: {photograph}: ")
+        assert photograph.read_bytes() == before
+        assert not (capture / "00.csv").exists()
+
+
+def test_a_line_that_is_not_in_the_image_is_refused(run: Run, capture: Path, tmp_path: Path) -> None:
+    for line in ("nan,0,1,1", "0,0,inf,1"):
+        code, out, err = run("compare", capture / "00.png", capture / "01.png", "--line", line, "-o", tmp_path / "plot")
+        assert (code, out) == (2, "")
+        assert "leaves the image" in err
+        assert err.count("\n") == 1
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of files are bytes on Linux")
+def test_images_whose_names_are_no_text_are_compared(run: Run, capture: Path, tmp_path: Path) -> None:
+    image = capture / os.fsdecode(b"\xff.png")
+    (capture / "00.png").rename(image)
+    code, _, err = run("compare", image, capture / "01.png", "-o", tmp_path / "section")
+    assert (code, err) == (0, "")
+    assert (tmp_path / "section.csv").read_text("utf-8").startswith("distance,\\xff.png,01.png\n")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import json
+import sys
 
 import pytest
 
@@ -16,6 +18,14 @@ def test_json_goes_to_standard_output_and_notes_to_standard_error(capsys: pytest
     out, err = capsys.readouterr()
     assert (json.loads(out), err) == ({"sigma": "σ"}, "matest: note: the albedo is relative.\n")
     assert "σ" in out
+
+
+def test_json_is_whole_where_the_terminal_lacks_a_letter(monkeypatch: pytest.MonkeyPatch) -> None:
+    written = io.BytesIO()
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(written, encoding="latin-1", errors="replace"))
+    print_json({"sigma": "σ"})
+    sys.stdout.flush()
+    assert json.loads(written.getvalue()) == {"sigma": "σ"}
 
 
 def test_a_pipe_gets_no_progress_bar(capsys: pytest.CaptureFixture[str]) -> None:

@@ -33,6 +33,10 @@ def test_a_precision_that_is_no_relative_error_is_refused_before_anything_is_rea
     assert "between 0 and 1" in refusal(lambda: Options(precision=precision))
 
 
+def test_a_negative_seed_is_refused_before_anything_is_read() -> None:
+    assert "--seed" in refusal(lambda: Options(seed=-1))
+
+
 def test_images_left_out_are_those_of_the_capture() -> None:
     assert Options(holdout=(1,)).fitted_images(3) == (0, 2)
     assert Options().fitted_images(2) == (0, 1)
@@ -47,6 +51,7 @@ def test_images_left_out_are_those_of_the_capture() -> None:
         (Options(model="oren-nayar", fix={"sigmma": 0.3}), "did you mean 'sigma'?"),
         (Options(model="oren-nayar", free=("slope",)), "slope"),
         (Options(model="oren-nayar", tie={"sigma": "albedo"}), "--tie"),
+        (Options(model="oren-nayar", fix={"albedo": 0.5, "sigma": 0.3}), "none is left to estimate"),
         (Options(device="cuda:9"), "--device cuda:9"),
     ],
 )

@@ -13,7 +13,7 @@ from matest.capture import Capture
 from matest.estimation.prediction import prediction_errors
 from matest.photographs.photometry import Encoding
 from matest.shading import render
-from tests.captures import changed
+from tests.captures import changed, directional
 from tests.simulated import Studio
 
 # Rounding of radiance in single precision.
@@ -103,3 +103,24 @@ def test_what_was_left_out_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     console().print(estimate_table(found))
     text = " ".join(capsys.readouterr().out.split())
     assert f"without the {found.fit.values_left_out:,} values left out as outliers" in text
+
+
+def test_an_image_that_no_light_reaches_has_no_error_and_adds_nothing_to_the_others() -> None:
+    material = OrenNayar(0.6, 0.5)
+    capture = Studio(size=48, lights=(*Studio.lights, (directional((0.0, 0.2, -0.9), 3.0),))).photograph(material)
+    errors = prediction_errors(capture, material)
+    assert errors.images[-1] is None
+    assert errors.pooled == pytest.approx(prediction_errors(Studio(size=48).photograph(material), material).pooled)
+    found = matest.estimate(capture, "oren-nayar", holdout=[len(Studio.lights)])
+    assert found.holdout == {"images": [len(Studio.lights)], "relative_rmse": None}
+
+
+def test_an_image_under_the_sky_alone_has_an_error_like_any_other() -> None:
+    material = OrenNayar(0.6, 0.5)
+    studio = Studio(size=48, lights=(*Studio.lights, ()), ambient=0.2)
+    capture, last = studio.photograph(material, seed=1), len(Studio.lights)
+    errors = prediction_errors(capture, material)
+    assert errors.images[-1] == pytest.approx(by_hand(capture, material, [last]), rel=1e-3)
+    found = matest.estimate(capture, "oren-nayar", holdout=[last])
+    assert found.holdout is not None
+    assert found.holdout["relative_rmse"] == pytest.approx(by_hand(capture, found.material, [last]), rel=1e-3)

@@ -273,6 +273,8 @@ def test_a_damaged_material_is_refused_by_name(tmp_path: Path, text: str) -> Non
         {"model": "lambert", "parameters": {"albdo": 0.5}},
         {"model": "lambert", "parameters": {"albedo": "white"}},
         {"model": "lambert", "parameters": {"albedo": None}},
+        {"model": "lambert", "parameters": {"albedo": math.nan}},
+        {"model": "lambert", "parameters": {"albedo": [0.5, 1e39, 0.5]}},
     ],
 )
 def test_a_material_of_another_kind_is_refused_by_name(tmp_path: Path, content: dict) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 import torch
 
@@ -104,3 +106,24 @@ def test_the_grid_of_the_search_is_the_same_either_way(expression: str) -> None:
             torch.testing.assert_close(found, expected, rtol=1e-10, atol=1e-10 * float(expected.abs().max()))
         else:
             assert found == expected
+
+
+@pytest.mark.parametrize("expression", ["oren-nayar", "cook-torrance"])
+def test_a_tile_without_samples_adds_nothing(expression: str) -> None:
+    chosen = problem(expression, channels=3)
+    unknowns, batch = ordinary(chosen, seed=1), whole(samples())
+    both, alone = (accumulate(chosen, unknowns, in_memory(some), unknowns) for some in ([batch, batch[:0]], [batch]))
+    assert_same(both, alone)
+    nothing = accumulate(chosen, unknowns, in_memory([batch[:0]]), unknowns)
+    assert nothing.total("samples") == 0
+
+
+@pytest.mark.parametrize("expression", ["oren-nayar", "cook-torrance"])
+def test_samples_under_the_sky_alone_are_those_of_a_light_without_power(expression: str) -> None:
+    chosen = problem(expression, channels=3)
+    unknowns, batch = ordinary(chosen, seed=1), whole(samples(0.3))
+    points = batch.points
+    dark = replace(batch, points=replace(points, irradiance=torch.zeros_like(points.irradiance)))
+    sky = replace(batch, points=replace(points, wi=points.wi[:, :0], irradiance=points.irradiance[:, :0]))
+    found, expected = (accumulate(chosen, unknowns, in_memory([one]), unknowns) for one in (sky, dark))
+    assert_same(found, expected)

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import struct
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -31,6 +33,16 @@ def slab_distance(origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
     first, second = (-EXTENTS / 2 - origins) / directions, (EXTENTS / 2 - origins) / directions
     enter, leave = np.minimum(first, second).max(axis=1), np.maximum(first, second).min(axis=1)
     return np.where(enter < leave, enter, np.inf)
+
+
+def test_a_missing_texture_of_a_mesh_is_no_concern(tmp_path):
+    file = tmp_path / "ball.ply"
+    BALL.export(file, encoding="ascii")
+    text = file.read_text("utf-8")
+    file.write_text(text.replace("element vertex", "comment TextureFile scan.jpg\nelement vertex"), "utf-8")
+    command = f"from matest.scene import Mesh; from pathlib import Path; Mesh.load(Path({str(file)!r}))"
+    done = subprocess.run([sys.executable, "-c", command], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_first_hits_on_a_box_agree_with_the_slab_method(rng):

@@ -104,6 +104,21 @@ def test_the_border_of_the_image_is_no_silhouette():
     assert not surface.rim.any()
 
 
+def test_an_orthographic_camera_sees_the_mesh_whole_wherever_it_stands_on_its_line_of_sight():
+    mesh = as_mesh(plate(3.0, 0.0), plate(1.5, 1.0))
+    expected = from_mesh(mesh, ABOVE, (80, 80))
+    for height in (1000.0, 0.5, -5.0, -12.0, -1000.0):
+        camera = Camera(position=(0, 0, height), target=(0, 0, height - 1), height=4.0)
+        surface = from_mesh(mesh, camera, (80, 80))
+        np.testing.assert_array_equal(surface.pixels, expected.pixels)
+        torch.testing.assert_close(surface.positions, expected.positions)
+        np.testing.assert_array_equal(surface.rim, expected.rim)
+
+
+def test_a_mesh_without_a_pixel_in_the_mask_is_refused():
+    assert "mask" in refusal(lambda: from_mesh(as_mesh(plate(3.0, 0.0)), ABOVE, (80, 80), np.zeros((80, 80), bool)))
+
+
 def test_rim_follows_jumps_in_depth_on_both_sides():
     surface = from_mesh(as_mesh(plate(3.9, 0.0), plate(1.5, 1.0)), ABOVE, (80, 80))
     high = surface.image(surface.positions[:, 2].numpy(), np.nan) > 0.5
