@@ -98,7 +98,7 @@ def write_pictures(
             render = render_pixels(scene, number, material, torch.from_numpy(shown)).detach().numpy()
         photo = capture.radiance(number, shown)
         if raster:
-            usable = samples.usable(number)[raster.index]
+            usable = samples.usable_at(number, raster.index)
             for kind, picture in _pictures(photo[len(row) :], render[len(row) :], usable, raster).items():
                 write_image(folder / "images" / f"{number:02d}_{kind}.png", picture)
         return [
