@@ -16,6 +16,7 @@ from matest.estimation.options import Options
 from matest.estimation.result import Estimate
 from matest.progress import Progress, silent
 from matest.report.folder import write_result
+from matest.report.picture_size import PictureSize
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,7 @@ class Job:
         options: of the estimate.
         root: folder that files of the capture may not leave; None: the capture's own.
         command: the command line that the result names as its origin.
+        pictures: of the report.
     """
 
     capture: Path
@@ -35,6 +37,7 @@ class Job:
     options: Options
     root: Path | None = None
     command: str = ""
+    pictures: PictureSize = PictureSize.PREVIEW
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,13 @@ class Outcome:
         return BAD_INPUT if self.estimate is None else 0
 
 
-def jobs(captures: Sequence[Path], out: Path | None, options: Options, command: str = "") -> list[Job]:
+def jobs(
+    captures: Sequence[Path],
+    out: Path | None,
+    options: Options,
+    command: str = "",
+    pictures: PictureSize = PictureSize.PREVIEW,
+) -> list[Job]:
     """One job for each capture, also for one that is named twice.
 
     Args:
@@ -69,7 +78,7 @@ def jobs(captures: Sequence[Path], out: Path | None, options: Options, command: 
         out: the result folder of a single capture, the parent folder of the results of several; None: `matest` in
             the folder of each capture.
         options: of every estimate.
-        command: see `Job`.
+        command, pictures: see `Job`.
 
     Raises:
         InputError: two results would go to one folder.
@@ -84,7 +93,7 @@ def jobs(captures: Sequence[Path], out: Path | None, options: Options, command: 
         capture: _folder(capture) / "matest" if out is None else out / name if len(captures) > 1 else out
         for capture, name in zip(captures, names, strict=True)
     }
-    return [Job(capture, place, options, root, command) for capture, place in places.items()]
+    return [Job(capture, place, options, root, command, pictures) for capture, place in places.items()]
 
 
 def run(job: Job, progress: Progress = silent) -> Outcome:
@@ -97,7 +106,8 @@ def run(job: Job, progress: Progress = silent) -> Outcome:
         capture = load_capture(job.capture, transfer=job.options.transfer, root=job.root, progress=progress)
         estimate = estimate_with(capture, job.options, progress)
         provenance = {"matest": matest.__version__, "command": job.command, "inputs": capture.digests()}
-        return Outcome(job, write_result(replace(estimate, provenance=provenance), capture, job.out, progress))
+        estimate = replace(estimate, provenance=provenance)
+        return Outcome(job, write_result(estimate, capture, job.out, progress, pictures=job.pictures))
     except InputError as error:
         return Outcome(job, error=str(error))
 

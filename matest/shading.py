@@ -78,16 +78,30 @@ def render_image(
 ) -> Tensor:
     """One of the images of `render`, [H, W, C]."""
     height, width = scene.surface.shape
+    index = torch.arange(len(scene.surface))
+    radiance = render_pixels(scene, image, material, index, dtype=dtype, device=device)
+    flat = radiance.new_zeros(height * width, radiance.shape[-1])
+    pixels = torch.from_numpy(scene.surface.pixels).to(device)
+    return flat.index_copy(0, pixels, radiance).reshape(height, width, -1)
+
+
+def render_pixels(
+    scene: Scene,
+    image: int,
+    material: Brdf,
+    index: Tensor,
+    *,
+    dtype: torch.dtype = torch.float32,
+    device: torch.device | str = "cpu",
+) -> Tensor:
+    """Radiance [n, C] of some of the surface's N pixels, by their `index` [n], in one of the images of `render`."""
     count = len(scene.surface)
     parts = []
-    for tile in torch.arange(count).split(_TILE):
+    for tile in index.split(_TILE):
         of_tile = {name: v[tile] for name, v in material.parameters.items() if v.ndim > 1 and len(v) == count > 1}
         points = scene.points(image, tile, dtype=dtype, device=device)
         parts.append(shade(material.replace(of_tile), points).expand(-1, scene.channels))
-    radiance = torch.cat(parts)
-    flat = radiance.new_zeros(height * width, radiance.shape[-1])
-    index = torch.from_numpy(scene.surface.pixels).to(device)
-    return flat.index_copy(0, index, radiance).reshape(height, width, -1)
+    return torch.cat(parts)
 
 
 def reflectance(brdf: Brdf, cos_o: Tensor) -> Tensor:

@@ -6,7 +6,7 @@ import math
 import os
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -27,12 +27,16 @@ from matest.outputs import keep_inputs, whole_files
 from matest.photographs.images import write_image
 from matest.photographs.noise import Noise
 from matest.photographs.photometry import Encoding
+from matest.photographs.storage import Storage
 from matest.progress import Progress, silent
 from matest.scene import Scene
-from matest.shading import render_image
+from matest.shading import render_pixels
+from matest.workers import in_threads
 
 # Level of the brightest pixel of integer images without a scale, fraction of full scale: noise does not saturate it.
 _PEAK_LEVEL = 0.9
+# Rays of a band of rows that is shaded at a time: enough to be worth a thread, few enough for memory to stay small.
+_BAND_PIXELS = 1 << 17
 # Most rays per pixel and axis: 256 rays resolve the coverage of a pixel to one step of 8 bits.
 _MAX_SUPERSAMPLING = 16
 # Type of pixels by their bits, the better ones first; None: floats.
@@ -117,10 +121,25 @@ def scene_format(description: Description[schema.SceneFile], material: Brdf) -> 
 
 def radiance(scene: SimulatedScene, image: int) -> np.ndarray:
     """Noise-free radiance [H, W, C] of one image, float64, averaged over each pixel if the scene is supersampled."""
-    fine = render_image(scene.scene, image, scene.material, dtype=torch.float64).detach().numpy()
-    factor = scene.supersampling
-    height, width, channels = fine.shape
-    return fine.reshape(height // factor, factor, width // factor, factor, channels).mean(axis=(1, 3))
+    height = scene.scene.surface.shape[0] // scene.supersampling
+    count = max(_BAND_PIXELS // (scene.scene.surface.shape[1] * scene.supersampling), 1)  # rows of pixels
+    bands = [range(first, min(first + count, height)) for first in range(0, height, count)]
+    return np.concatenate(list(in_threads(lambda rows: _radiance_of_rows(scene, image, rows), bands)))
+
+
+def _radiance_of_rows(scene: SimulatedScene, image: int, rows: range) -> np.ndarray:
+    """Noise-free radiance [h, W, C] of some rows of one image."""
+    surface, factor = scene.scene.surface, scene.supersampling
+    width, height = surface.shape[1], factor * len(rows)
+    start = factor * rows.start * width
+    first, last = np.searchsorted(surface.pixels, [start, start + height * width])
+    index = torch.arange(int(first), int(last))
+    fine = np.zeros((height * width, scene.scene.channels))
+    if len(index):
+        with torch.no_grad():
+            radiance = render_pixels(scene.scene, image, scene.material, index, dtype=torch.float64)
+        fine[surface.pixels[first:last] - start] = radiance.numpy()
+    return fine.reshape(len(rows), factor, width // factor, factor, -1).mean(axis=(1, 3))
 
 
 def simulate(path: str | Path, out: str | Path | None = None, progress: Progress = silent) -> Path:
@@ -144,14 +163,19 @@ def simulate(path: str | Path, out: str | Path | None = None, progress: Progress
     suffix = ".png" if bits else ".exr"
     names = [table.file or f"{number:02d}{suffix}" for number, table in enumerate(tables.image)]
     _check_outputs(scene.description, folder, names)
-    encoding = _exposed(scene)
+    # Kept, since the brightest of all pixels may decide how all are exposed; beyond a budget in a temporary file.
+    storage, images = Storage(), []
+    for number in range(len(tables.image)):
+        images.append(storage.keep(radiance(scene, number)))
+        progress("rendering images", number + 1, len(tables.image))
+    encoding = _exposed(scene, images)
     noise = scene.setup.noise or Noise(0.0, 0.0)
     generator = np.random.Generator(np.random.Philox(tables.noise.seed if tables.noise else 0))
     with whole_files(folder, last=_CAPTURE) as part:
         for number, table in enumerate(tables.image):
-            pixels = expose(radiance(scene, number), table.exposure, encoding, noise, generator)
+            pixels = expose(images[number], table.exposure, encoding, noise, generator)
             _write(part / names[number], stored_pixels(pixels, encoding, bits))
-            progress("rendering images", number + 1, len(tables.image))
+            progress("writing images", number + 1, len(tables.image))
         _write_geometry(scene, part, copies=not _same(folder, file.parent))
         text = _HEADER.format(scene=file.name) + _toml(_capture_table(tables, encoding, names))
         (part / _CAPTURE).write_text(text, "utf-8")
@@ -249,12 +273,17 @@ def _same(folder: Path, source: Path) -> bool:
     return folder.resolve() == source.resolve()
 
 
-def _exposed(scene: SimulatedScene) -> Encoding:
-    """The encoding of the images; without a stated scale, integers get one that exposes the brightest pixel well."""
+def _exposed(scene: SimulatedScene, images: Sequence[np.ndarray]) -> Encoding:
+    """The encoding of the images; without a stated scale, integers get one that exposes the brightest pixel well.
+
+    Args:
+        scene: that was rendered.
+        images: radiance of each [H, W, C].
+    """
     encoding, exposures = scene.setup.encoding, scene.setup.exposures
     if scene.description.tables.encoding.scale is not None or scene.images.dtype.kind != "u":
         return encoding
-    peak = max(float(radiance(scene, k).max()) * exposure for k, exposure in enumerate(exposures))
+    peak = max(float(image.max()) * exposure for image, exposure in zip(images, exposures, strict=True))
     scale = peak / (_PEAK_LEVEL - float(scene.description.tables.encoding.black)) if peak > 0 else 1.0
     # Two digits are enough, and leave the file readable.
     step = 10 ** math.floor(math.log10(scale)) / 10

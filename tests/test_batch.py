@@ -13,6 +13,7 @@ import pytest
 from matest import batch
 from matest.batch import Job, Outcome
 from matest.estimation.options import Options
+from matest.report.picture_size import PictureSize
 from matest.simulate import simulate
 from matest.workers import processes
 from tests import scenes
@@ -52,6 +53,13 @@ def test_a_job_and_its_outcome_travel_to_another_process_and_back(two: list[Path
     assert good.estimate.to_dict() == written
     assert written["provenance"]["command"] == "matest estimate bad good"
     assert not (tmp_path / "out" / "bad").exists()
+
+
+def test_a_job_says_which_pictures_to_draw(ball: Path, tmp_path: Path) -> None:
+    (job,) = batch.jobs([ball], tmp_path / "out", LAMBERT, pictures=PictureSize.NONE)
+    assert pickle.loads(pickle.dumps(job)) == job
+    assert batch.run(job).status == "estimated"
+    assert not (tmp_path / "out" / "images").exists()
 
 
 def test_bad_input_is_an_outcome_with_its_sentence_and_exit_code(two: list[Path], tmp_path: Path) -> None:

@@ -9,8 +9,9 @@ import torch
 from matest.brdf import Brdf, CookTorrance, Lambert, OrenNayar, TorranceSparrow
 from matest.scene import Points
 from matest.scene.surface import from_normals
-from matest.shading import gathered_light, reflectance, shade
+from matest.shading import gathered_light, reflectance, render_image, render_pixels, shade
 from tests.captures import directional, point, scene_of
+from tests.simulated import Studio, coloured
 
 DOUBLE = torch.float64
 NORMAL = torch.tensor([[0.6, 0.0, 0.8]], dtype=DOUBLE)
@@ -146,3 +147,12 @@ def test_gradients_are_finite_from_normal_to_below_the_horizon(theta_i, theta_o)
     shade(model, Points(*leaves, sky)).sum().backward()
     for leaf in (sigma, slope, sky, *leaves):
         assert torch.isfinite(leaf.grad).all()
+
+
+def test_some_pixels_are_shaded_as_in_the_whole_image() -> None:
+    scene = Studio(size=24, lights=coloured()[:2], ambient=0.1).scene
+    albedo = torch.linspace(0.2, 0.8, len(scene.surface))[:, None]
+    index = torch.arange(3, len(scene.surface), 7)
+    for material in (OrenNayar([0.7, 0.5, 0.3], 0.4), Lambert(albedo)):
+        whole = render_image(scene, 1, material).reshape(-1, 3)[scene.surface.pixels[index]]
+        torch.testing.assert_close(render_pixels(scene, 1, material, index), whole)

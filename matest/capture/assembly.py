@@ -125,16 +125,16 @@ def _saturation(description: Description, images: ImageFormat) -> float | tuple[
     """Stored value from which on the sensor is saturated, one or one per channel; None: never.
 
     Raises:
-        InputError: another number of values, one that is not positive.
+        InputError: another number of values.
     """
     stated = description.tables.encoding.saturation
     if stated is None:
         return _SATURATION if images.dtype.kind == "u" else None
     values = stated if isinstance(stated, list) else [stated]
-    if len(values) not in (1, images.channels) or not all(value > 0 for value in values):
+    if len(values) not in (1, images.channels):
         raise InputError(
             f"{description.file}: encoding.saturation must be one number or {images.channels} (one per channel of the "
-            f"images), fractions of full scale above 0; got {stated}."
+            f"images); got {stated}."
         )
     return tuple(values) if len(values) > 1 else values[0]
 
@@ -251,7 +251,7 @@ def _light_faults(table: LightTable) -> Iterator[Fault]:
 
 
 def _colour(value: float | list[float], channels: int, label: str) -> Tensor:
-    """A number or one number per channel as [C], from 0 to `LARGEST`; equal ones serve any number of channels."""
+    """A number or one number per channel as [C], not negative and below `LARGEST`; equal ones serve any C."""
     values = torch.atleast_1d(torch.as_tensor(value, dtype=torch.float64))
     if len(values.unique()) == 1:
         values = values[:1]

@@ -159,7 +159,7 @@ def _time(seconds: dict[str, float], step: str) -> Iterator[None]:
 def _decode(
     paths: list[Path], first_file: ImageFile, pixels: np.ndarray, sums: dict[Path, str], progress: Progress
 ) -> tuple[tuple[np.ndarray, ...], list[tuple[str, ...]]]:
-    """The object's pixels of every image and the notes of its reader; the images' digests are added to `sums`.
+    """The object's pixels of every image and the notes of its reader; digests of the files are added to `sums`.
 
     Memory holds only a few whole images at once.
     """

@@ -172,9 +172,12 @@ def _faults(tables: schema.CaptureFile) -> Iterator[Fault]:
         possible = camera.fov_y is None or 0 < camera.fov_y < math.pi
         yield not possible, f"camera.fov_y must lie between 0 and π rad; got {camera.fov_y}."
     yield not _positive(scale), f"encoding.scale is the radiance of full scale and must be positive; got {scale}."
-    black = tables.encoding.black
+    black, saturation = tables.encoding.black, tables.encoding.saturation
     possible = isinstance(black, str) or abs(black) < LARGEST
     yield not possible, f"encoding.black must be a fraction of full scale; got {black}."
+    levels = saturation if isinstance(saturation, list) else [saturation]
+    sentence = f"encoding.saturation must be a positive fraction of full scale, or one per channel; got {saturation}."
+    yield not all(_positive(level) for level in levels), sentence
     for key, value in (("read", noise.read), ("gain", noise.gain)) if noise is not None else ():
         possible = 0 <= value < LARGEST
         yield not possible, f"noise.{key} must be finite and not negative; got {value}. Correct or remove it."

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from matest.errors import InputError
+from matest.report.picture_size import PictureSize
 
 if TYPE_CHECKING:
     from matest.estimation.options import Options
@@ -20,6 +21,10 @@ Transfer = Annotated[
 Fix = Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE", help="Hold a parameter at a value.")]
 Free = Annotated[list[str] | None, typer.Option(metavar="NAME", help="Estimate a parameter held by default.")]
 Tie = Annotated[list[str] | None, typer.Option(metavar="NAME=OTHER", help="Give a parameter another's value.")]
+Pictures = Annotated[
+    PictureSize,
+    typer.Option(help="Pictures of photographs, model and difference: small, as large as the photographs, or none."),
+]
 Out = Annotated[Path | None, typer.Option("-o", "--out", help="Where to write.", show_default=False)]
 
 

@@ -12,6 +12,7 @@ import typer
 from matest.commands import arguments
 from matest.commands.console import console, print_json, progress
 from matest.errors import InputError
+from matest.report.picture_size import PictureSize
 
 if TYPE_CHECKING:
     from matest.batch import Outcome
@@ -36,6 +37,7 @@ def estimate(
     transfer: arguments.Transfer = None,
     seed: Annotated[int, typer.Option(help="Of the subsample that the search starts from.")] = 0,
     device: Annotated[str, typer.Option(help="Where to compute: cpu, cuda.")] = "cpu",
+    pictures: arguments.Pictures = PictureSize.PREVIEW,
     as_json: arguments.Json = False,
 ) -> None:
     """Estimate the material of photographed objects, with error bars.
@@ -53,7 +55,7 @@ def estimate(
         holdout=arguments.indices(holdout), precision=precision, seed=seed, device=device,
     )  # fmt: skip
     check_options(options)
-    jobs = batch.jobs(captures, out, options, command=" ".join(["matest", *sys.argv[1:]]))
+    jobs = batch.jobs(captures, out, options, " ".join(["matest", *sys.argv[1:]]), pictures)
     if len(captures) == 1:
         capture_file(captures[0], "capture.toml")
     for job in jobs:

@@ -10,6 +10,7 @@ import typer
 import matest
 from matest.commands import arguments
 from matest.commands.console import console, note, print_json, progress
+from matest.report.picture_size import PictureSize
 
 EXAMPLE = "matest predict renders/vase/matest renders/vase -o prediction"
 
@@ -19,6 +20,7 @@ def predict(
     capture: Annotated[Path, typer.Argument(help="The capture whose lights to use.")],
     out: arguments.Out = None,
     transfer: arguments.Transfer = None,
+    pictures: arguments.Pictures = PictureSize.PREVIEW,
     as_json: arguments.Json = False,
 ) -> None:
     """Shade an estimated material under a capture's lights.
@@ -39,7 +41,7 @@ def predict(
         photographs = matest.load_capture(capture, transfer=arguments.encoding(transfer), progress=say)
         say("shading")
         errors = prediction_errors(photographs, material)
-        write_prediction(material, errors, photographs, place)
+        write_prediction(material, errors, photographs, place, pictures=pictures)
     if not photographs.relative and material_is_relative(result):
         note(f"the albedo in {result} is known up to a scale only, so brightness and errors here are off by that.")
     if as_json:

@@ -86,8 +86,9 @@ def write_image(path: Path, image: np.ndarray) -> None:
         return
     import cv2
 
-    pixels = image[..., ::-1] if image.ndim == 3 and image.shape[2] == 3 else image
-    success, content = cv2.imencode(path.suffix, np.ascontiguousarray(pixels))
+    if image.ndim == 3 and image.shape[2] == 3:
+        image = cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
+    success, content = cv2.imencode(path.suffix, np.ascontiguousarray(image))
     if not success:
         raise OSError(f"{path}: the image could not be encoded.")
     path.write_bytes(content.tobytes())

@@ -79,12 +79,11 @@ class LitPixels:
         background = surface.shape[0] * surface.shape[1] - len(surface)
 
         def select(image: int) -> tuple[np.ndarray, int, int]:
-            usable = ~surface.rim
-            dark = usable & (self._dark(image) | ~self._lit(image))
-            usable &= ~dark
+            usable = self._usable(image)
+            dark = int(np.count_nonzero(~surface.rim) - np.count_nonzero(usable))
             saturated = self._saturated(image)
             self.photographs.release(image)
-            return np.packbits(usable), int(dark.sum()), 0 if saturated is None else int((usable & saturated).sum())
+            return np.packbits(usable), dark, 0 if saturated is None else int((usable & saturated).sum())
 
         by_image = list(in_threads(select, self.images))
         usable_bits = [bits for bits, _, _ in by_image]
@@ -105,14 +104,19 @@ class LitPixels:
             return None
         return np.asarray(saturated(stored).any(axis=1))
 
-    def _lit(self, image: int) -> np.ndarray:
-        """True where some light, or ambient light, reaches the pixel, and no shadow edge crosses it."""
+    def _usable(self, image: int, index: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """True where a pixel does not touch a silhouette and is lit, of the pixels `index` [n]."""
+        usable = ~self.photographs.scene.surface.rim[index] & self._lit(image, index)
+        return usable & ~self._dark(image)[index]
+
+    def _lit(self, image: int, index: np.ndarray | slice) -> np.ndarray:
+        """True where some light, or ambient light, reaches the pixel, and no shadow edge crosses it [n]."""
         scene = self.photographs.scene
-        lit = np.full(len(scene.surface), bool((scene.ambient[image] > 0).any()))
-        for _, reaches in self.lights(image):
+        lit = np.full(len(scene.surface), bool((scene.ambient[image] > 0).any()))[index]
+        for _, reaches in self.lights(image, index if isinstance(index, slice) else torch.from_numpy(index)):
             lit |= reaches.numpy()
         edge = scene.shadow_edge[image] if scene.shadow_edge else None
-        return lit if edge is None else lit & ~edge
+        return lit if edge is None else lit & ~edge[index]
 
     def lights(self, image: int, index: Tensor | slice = slice(None)) -> Iterator[tuple[Tensor, Tensor]]:
         """Unit vectors to each light of an image [1 or n, 3], and which of the pixels `index` it reaches, bool [n]."""
@@ -159,6 +163,10 @@ class LitPixels:
         """Whether each pixel of the surface is usable in the image at `position` in `images` [N]."""
         count = len(self.photographs.scene.surface)
         return np.unpackbits(self._selection.usable[position], count=count).view(bool)
+
+    def usable_at(self, position: int, index: np.ndarray) -> np.ndarray:
+        """`usable` at some pixels [n], without a look at all the others."""
+        return self._usable(self.images[position], index)
 
     def indices(self, position: int) -> np.ndarray:
         """Usable pixels (indices into the surface) of the image at `position` in `images`."""

@@ -20,6 +20,7 @@ from matest.estimation.prediction import PredictionErrors
 from matest.estimation.result import Estimate
 from matest.progress import Progress, silent
 from matest.report.page import page
+from matest.report.picture_size import PictureSize
 from matest.report.pictures import write_pictures
 
 # What matest writes into a result or prediction folder; a folder with anything else in it is not replaced.
@@ -81,21 +82,29 @@ def whole_folder(out: Path) -> Iterator[Path]:
     shutil.rmtree(previous, ignore_errors=True)
 
 
-def write_result(estimate: Estimate, capture: Capture, out: Path, progress: Progress = silent) -> Estimate:
+def write_result(
+    estimate: Estimate,
+    capture: Capture,
+    out: Path,
+    progress: Progress = silent,
+    *,
+    pictures: PictureSize = PictureSize.PREVIEW,
+) -> Estimate:
     """Write the result folder of an estimate; returns the estimate with its timing completed.
 
-    Writes `result.json`, `material.json`, `report.html`, `profile.csv` and the pictures in `images/`.
+    Writes `result.json`, `material.json`, `report.html`, `profile.csv` and the pictures in `images/`, if there are any.
     """
     check_destination(out, "result.json")
     clock = time.perf_counter()
     progress("writing the report")
     with whole_folder(out) as folder:
-        write_pictures(capture, estimate.material, folder)
+        write_pictures(capture, estimate.material, folder, pictures)
         _write_json(folder / "material.json", estimate.material_dict())
         timing = {**estimate.timing_s, "report": time.perf_counter() - clock}
         timing["total"] = sum(timing.values())
         estimate = replace(estimate, timing_s=timing)
-        (folder / "report.html").write_text(page(estimate, capture.names), "utf-8")
+        step = pictures.step(capture.scene.surface.shape)
+        (folder / "report.html").write_text(page(estimate, capture.names, step), "utf-8")
         _write_json(folder / "result.json", estimate.to_dict())
     return estimate
 
@@ -104,11 +113,18 @@ def _write_json(path: Path, content: dict) -> None:
     path.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", "utf-8")
 
 
-def write_prediction(material: Brdf, errors: PredictionErrors, capture: Capture, out: Path) -> None:
+def write_prediction(
+    material: Brdf,
+    errors: PredictionErrors,
+    capture: Capture,
+    out: Path,
+    *,
+    pictures: PictureSize = PictureSize.PREVIEW,
+) -> None:
     """Write predicted images: `NN.exr` (linear radiance), the pictures of `write_pictures`, `prediction.json`."""
     check_destination(out, "prediction.json")
     with whole_folder(out) as folder:
-        write_pictures(capture, material, folder, radiance=True)
+        write_pictures(capture, material, folder, pictures, radiance=True)
         images = [
             {"image": name, "prediction": f"{number:02d}.exr", "relative_rmse": error}
             for number, (name, error) in enumerate(zip(capture.names, errors.images, strict=True))

@@ -26,19 +26,20 @@ figcaption { font-size: .85rem; color: var(--soft); }
 _SKIPPED_PIXELS = {"held_out": "in images held out", "idle": "in images that add nothing", "unread": "not needed"}
 
 
-def page(estimate: Estimate, files: list[str]) -> str:
+def page(estimate: Estimate, files: list[str], step: int | None = 1) -> str:
     """The report as HTML; pictures are referred to by their place in the result folder.
 
     Args:
         estimate: what to report.
         files: names of the capture's images.
+        step: distance in pixels between those that the pictures show; None: there are no pictures.
     """
     sections = (
         _parameters(estimate),
         _fit(estimate),
         _holdout(estimate, files),
         _candidates(estimate),
-        _images(files),
+        _images(files, step),
         _skipped(estimate),
         f"<h2>Time</h2>\n<p>{escape(stages(estimate.timing_s))}</p>",
     )
@@ -100,18 +101,21 @@ def _candidates(estimate: Estimate) -> str:
     return f"<h2>{CANDIDATES_TITLE}</h2>\n" + _table(("model", "error", "verdict"), body, "words")
 
 
-def _images(files: list[str]) -> str:
-    """The pictures of every image in a row."""
+def _images(files: list[str], step: int | None) -> str:
+    """The pictures of every image in a row; empty where there are none."""
+    if step is None:
+        return ""
     figures = [
         f'<figure><img src="images/{number:02d}_{kind}.png" alt="{caption} {number}" loading="lazy">'
         f"<figcaption>{escape(file)}: {caption}</figcaption></figure>"
         for number, file in enumerate(files)
         for kind, caption in (("photo", "photograph"), ("render", "model"), ("residual", "difference"))
     ]
+    preview = f" Each picture shows one pixel of every {step}×{step}; --pictures full draws all." if step > 1 else ""
     legend = (
         "<p>Photograph, the estimated material under the same light, and their difference: red where the photograph "
         f"is brighter, blue where it is darker, full colour at {RESIDUAL_RANGE:.0%} of the rms brightness, "
-        "grey where a pixel did not count (background, rim, shadow, saturation).</p>"
+        f"grey where a pixel did not count (background, rim, shadow, saturation).{preview}</p>"
     )
     return "\n".join(["<h2>Images</h2>", legend, '<div class="images">', *figures, "</div>"])
 

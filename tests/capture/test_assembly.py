@@ -43,7 +43,7 @@ def test_integers_are_saturated_near_full_scale_unless_it_is_said(folder: Captur
 @pytest.mark.parametrize("saturation", [[0.9, 0.8], 0.0, [0.9, -1.0, 0.9]])
 def test_a_saturation_of_no_image_is_refused(folder: CaptureFolder, saturation: object) -> None:
     folder.tables["encoding"] = {"saturation": saturation}
-    assert "encoding.saturation must be one number or 3" in refusal(folder.load)
+    assert "encoding.saturation must be" in refusal(folder.load)
 
 
 def test_grey_images_may_be_lit_by_three_equal_numbers(folder: CaptureFolder) -> None:

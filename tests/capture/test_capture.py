@@ -11,7 +11,7 @@ import trimesh
 
 import matest
 from matest.brdf import Lambert
-from matest.photographs.images import read_image_file, read_mask, write_image
+from matest.photographs.images import ImageFile, read_image, write_image
 from tests.captures import (
     ALBEDO,
     RADIUS,
@@ -221,17 +221,18 @@ def test_digests_are_those_of_the_files_as_they_were_read(folder):
 
 @pytest.mark.parametrize("name", ["00.npy", "01.npy", "mask.png"])
 def test_a_file_that_is_written_while_it_is_read_is_refused(folder, monkeypatch, name):
-    def disturbed(read):
-        def reader(path):
-            image = read(path)
-            if path.name == name:
-                path.write_bytes(path.read_bytes())
-            return image
+    def disturbed(path):
+        image = read_image(path)
+        if path.name == name:
+            path.write_bytes(path.read_bytes())
+        return image
 
-        return reader
+    def disturbed_file(path):
+        return ImageFile(disturbed(path), None, ())
 
-    monkeypatch.setattr("matest.capture.capture.read_image_file", disturbed(read_image_file))
-    monkeypatch.setattr("matest.capture.geometry.read_mask", disturbed(read_mask))
+    monkeypatch.setattr("matest.capture.capture.read_image_file", disturbed_file)
+    monkeypatch.setattr("matest.capture.geometry.read_image", disturbed)
+    monkeypatch.setattr("matest.capture.geometry.read_mask", lambda path: disturbed(path)[..., 0])
     message = refusal(folder.load)
     assert message.startswith(f"{folder.path / name}: ")
 

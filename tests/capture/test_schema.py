@@ -152,13 +152,13 @@ def test_a_missing_file_is_refused(file):
     assert "no such file" in message
 
 
-def test_a_file_of_values_nested_without_end_is_refused(file):
-    message = refusal(lambda: read_text(file, "mask = " + "[" * 5000 + "]" * 5000))
-    assert message.startswith(f"{file}: ")
-
-
 def test_a_scene_is_told_from_a_capture(tmp_path: Path) -> None:
     file = tmp_path / "scene.toml"
     file.write_text('[geometry]\nshape = "sphere"\n[material]\nmodel = "lambert"\n[[image]]\nfile = "a.png"\n')
     assert "matest render" in refusal(lambda: schema.read(file, schema.CaptureFile))
     assert schema.read(file, schema.SceneFile).material == {"model": "lambert"}
+
+
+def test_a_file_of_values_nested_without_end_is_refused(file):
+    message = refusal(lambda: read_text(file, "mask = " + "[" * 5000 + "]" * 5000))
+    assert message.startswith(f"{file}: ")

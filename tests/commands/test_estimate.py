@@ -43,6 +43,16 @@ def test_estimate_writes_a_complete_result_folder(run: Run, capture: Path) -> No
     assert sum(skipped.values()) + content["fit"]["samples"] == 3 * 64 * 64
 
 
+def test_pictures_are_drawn_as_asked(run: Run, capture: Path) -> None:
+    for size, expected in (("preview", True), ("full", True), ("none", False)):
+        assert run("estimate", capture, "--model", "lambert", "--pictures", size)[0] == 0
+        assert (capture / "matest" / "images" / "00_render.png").is_file() == expected
+        assert (capture / "matest" / "report.html").is_file()
+    code, _, err = run("estimate", capture, "--pictures", "large")
+    assert code == 2
+    assert "preview" in err
+
+
 def test_json_on_standard_output_is_the_result_file(run: Run, capture: Path) -> None:
     code, out, err = run("estimate", capture, "--model", "lambert", "--json")
     assert code == 0

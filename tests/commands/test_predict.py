@@ -17,6 +17,13 @@ def test_prediction_lies_beside_the_result_and_survives_the_next_estimate(run: R
     assert (capture / "matest-predict-ball" / "00.exr").is_file()
 
 
+def test_a_prediction_without_pictures_is_its_radiance_and_errors(run: Run, capture: Path, tmp_path: Path) -> None:
+    assert run("estimate", capture, "--model", "lambert", "--pictures", "none")[0] == 0
+    assert run("predict", capture / "matest", capture, "-o", tmp_path / "out", "--pictures", "none")[0] == 0
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names == {"00.exr", "01.exr", "02.exr", "profile.csv", "prediction.json"}
+
+
 def test_a_material_of_other_channels_is_refused(run: Run, capture: Path, tmp_path: Path) -> None:
     grey = scenes.material("lambert", albedo=0.5)
     lights = scenes.distant(scenes.LIGHTS[:2])

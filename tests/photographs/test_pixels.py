@@ -69,6 +69,23 @@ def test_pixels_in_a_cast_shadow_or_on_its_edge_are_no_samples():
     assert (scene.shadows[1].any(axis=0) & ~out).any()
 
 
+@pytest.mark.parametrize("kind", ["sphere", "plates", "map"])
+def test_some_pixels_are_usable_as_among_all(kind: str) -> None:
+    if kind == "plates":
+        photographs = photograph(plate_scene())
+    else:
+        photographs = photograph(sphere_scene(), full=255)
+        surface = photographs.scene.surface
+        surface = dataclasses.replace(surface, convex=kind == "sphere")
+        photographs = dataclasses.replace(photographs, scene=dataclasses.replace(photographs.scene, surface=surface))
+    index = np.random.default_rng(1).permutation(len(photographs.scene.surface))[::3]
+    images = (1, 0)
+    for position in range(2):
+        usable = photographs.samples(images).usable(position)[index]
+        np.testing.assert_array_equal(photographs.samples(images).usable_at(position, index), usable)
+        assert 0 < usable.sum() < len(index)
+
+
 def test_an_even_sky_lights_every_pixel():
     capture = photograph(sphere_scene())
     np.testing.assert_array_equal(capture.samples().indices(2), np.flatnonzero(~capture.scene.surface.rim))

@@ -15,6 +15,7 @@ from matest.estimation.prediction import PredictionErrors
 from matest.photographs.images import read_image
 from matest.report import folder as folders
 from matest.report.folder import check_destination, whole_folder, write_prediction, write_result
+from matest.report.picture_size import PictureSize
 from matest.shading import render
 from tests.captures import refusal
 from tests.estimates import clay
@@ -148,6 +149,12 @@ def test_a_result_has_every_file_of_the_contract(tmp_path: Path, capture: Captur
     assert said == ["writing the report"]
 
 
+def test_a_result_without_pictures_has_every_other_file(tmp_path: Path, capture: Capture) -> None:
+    write_result(clay(), capture, tmp_path / "matest", pictures=PictureSize.NONE)
+    assert set(tree(tmp_path / "matest")) == {"result.json", "material.json", "report.html", "profile.csv"}
+    assert "<img" not in (tmp_path / "matest" / "report.html").read_text("utf-8")
+
+
 def test_result_json_and_material_json_are_those_of_the_estimate(tmp_path: Path, capture: Capture) -> None:
     written = write_result(clay(), capture, tmp_path / "matest")
     content = json.loads((tmp_path / "matest" / "result.json").read_text("utf-8"))
@@ -189,6 +196,17 @@ def test_a_prediction_has_linear_radiance_and_its_errors(tmp_path: Path, capture
         {"image": "00.exr", "prediction": "00.exr", "relative_rmse": 0.01},
         {"image": "01.exr", "prediction": "01.exr", "relative_rmse": 0.02},
     ]
+
+
+def test_the_radiance_of_a_prediction_is_full_whatever_its_pictures(tmp_path: Path) -> None:
+    large = Studio(size=500, lights=coloured()[:1]).photograph(OrenNayar([0.7, 0.6, 0.5], 0.5236))
+    image = render(large.scene, clay().material).numpy()[0]
+    sides = {PictureSize.PREVIEW: 250, PictureSize.FULL: 500, PictureSize.NONE: None}
+    for size, side in sides.items():
+        write_prediction(clay().material, PredictionErrors([0.01], 0.01), large, tmp_path / size, pictures=size)
+        np.testing.assert_allclose(read_image(tmp_path / size / "00.exr"), image, rtol=1e-6)
+        drawn = tmp_path / size / "images" / "00_render.png"
+        assert (read_image(drawn).shape[0] if drawn.is_file() else None) == side
 
 
 def test_a_prediction_does_not_replace_an_estimate(tmp_path: Path, capture: Capture) -> None:

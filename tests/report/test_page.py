@@ -141,6 +141,22 @@ def test_every_picture_is_described_and_exists_in_the_folder(tmp_path: Path) -> 
     assert len({picture["alt"] for picture in pictures}) == 6
 
 
+def test_the_page_says_which_pixels_its_pictures_show() -> None:
+    preview = words(page(clay(), names(1), step=3))
+    assert "one pixel of every 3×3" in preview
+    assert "--pictures full" in preview
+    assert "one pixel of every" not in words(page(clay(), names(1)))
+
+
+def test_without_pictures_the_page_has_none_and_the_rest() -> None:
+    with_pictures, without = (read(page(clay(), names(2), step=step)) for step in (1, None))
+    assert without.pictures == []
+    text = " ".join(without.text)
+    assert "Images" not in without.text
+    assert "red where the photograph" not in text
+    assert [part for part in without.text if part not in with_pictures.text] == []
+
+
 def test_more_than_a_hundred_images_are_numbered_on() -> None:
     sources = [picture["src"] for picture in read(page(clay(), names(101))).pictures]
     assert sources[-1] == "images/100_residual.png"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +12,14 @@ import pytest
 from matest.brdf import Lambert
 from matest.capture import Capture
 from matest.photographs.images import read_image
+from matest.report.picture_size import PictureSize
 from matest.report.pictures import RESIDUAL_RANGE, write_columns, write_pictures
 from matest.shading import render
 from tests.captures import directional
 from tests.simulated import DIRECTIONS, Studio, coloured
 
 GREY = 224  # of residual pictures where a pixel did not count
+LARGE = 750  # side of photographs of which previews are smaller, pixels
 TRUTH = Lambert([0.6, 0.5, 0.4])
 
 
@@ -109,6 +112,63 @@ def test_an_entirely_dark_image_has_pictures(tmp_path: Path) -> None:
     write_pictures(capture(lights=lights), TRUTH, tmp_path)
     assert picture(tmp_path, "01_photo.png").max() == 0
     assert (picture(tmp_path, "01_residual.png") == GREY).all()
+
+
+@pytest.fixture(scope="module")
+def large() -> Capture:
+    """A capture so large that a preview shows every third pixel of every third row."""
+    return Studio(size=LARGE, lights=coloured()[:1]).photograph(TRUTH, seed=1)
+
+
+@pytest.fixture(scope="module")
+def drawn(large: Capture, tmp_path_factory: pytest.TempPathFactory) -> dict[PictureSize, Path]:
+    """The folder of each size of picture, of a material that is not quite that of the photographs."""
+    folders = {size: tmp_path_factory.mktemp(size) for size in PictureSize}
+    for size, folder in folders.items():
+        write_pictures(large, Lambert([0.62, 0.5, 0.4]), folder, size)
+    return folders
+
+
+@pytest.mark.parametrize("kind", ["photo", "render", "residual"])
+def test_a_preview_shows_every_nth_pixel_of_the_full_picture(drawn: dict[PictureSize, Path], kind: str) -> None:
+    preview, full = (picture(drawn[size], f"00_{kind}.png") for size in (PictureSize.PREVIEW, PictureSize.FULL))
+    assert full.shape == (LARGE, LARGE, 3)
+    assert preview.shape == (LARGE // 3, LARGE // 3, 3)
+    # Exposure and colour scale come from the pixels that a picture shows, so they differ a little.
+    assert np.abs(preview - full[1::3, 1::3]).max() <= 2
+
+
+def test_pictures_that_are_small_already_are_previews_of_themselves(tmp_path: Path) -> None:
+    photographs = capture()
+    for size in (PictureSize.PREVIEW, PictureSize.FULL):
+        write_pictures(photographs, TRUTH, tmp_path / size, size)
+    for path in (tmp_path / "full" / "images").iterdir():
+        assert path.read_bytes() == (tmp_path / "preview" / "images" / path.name).read_bytes()
+
+
+def test_the_profile_does_not_depend_on_the_size_of_the_pictures(drawn: dict[PictureSize, Path]) -> None:
+    preview, full, none = ((drawn[size] / "profile.csv").read_text("utf-8") for size in PictureSize)
+    assert len(full.splitlines()) == 1 + LARGE
+    assert preview == full
+    assert none == full
+
+
+def test_without_pictures_there_is_only_the_profile(drawn: dict[PictureSize, Path]) -> None:
+    assert [path.name for path in drawn[PictureSize.NONE].iterdir()] == ["profile.csv"]
+
+
+def test_an_object_thinner_than_the_pixels_of_a_preview_has_pictures(large: Capture, tmp_path: Path) -> None:
+    surface = large.scene.surface
+    row = surface.pixels // surface.shape[1] == surface.shape[0] // 2
+    thin = surface.take(row & (surface.pixels % 3 == 0))
+    photographs = replace(
+        large.photographs,
+        scene=replace(large.scene, surface=thin),
+        stored=tuple(stored[np.isin(surface.pixels, thin.pixels)] for stored in large.photographs.stored),
+    )
+    write_pictures(replace(large, photographs=photographs), TRUTH, tmp_path)
+    assert picture(tmp_path, "00_photo.png").max() == 0
+    assert (picture(tmp_path, "00_residual.png") == GREY).all()
 
 
 def test_columns_are_written_side_by_side(tmp_path: Path) -> None:
