@@ -175,7 +175,6 @@ def simulate(path: str | Path, out: str | Path | None = None, progress: Progress
         for number, table in enumerate(tables.image):
             pixels = expose(images[number], table.exposure, encoding, noise, generator)
             _write(part / names[number], stored_pixels(pixels, encoding, bits))
-            progress("writing images", number + 1, len(tables.image))
         _write_geometry(scene, part, copies=not _same(folder, file.parent))
         text = _HEADER.format(scene=file.name) + _toml(_capture_table(tables, encoding, names))
         (part / _CAPTURE).write_text(text, "utf-8")

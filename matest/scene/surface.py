@@ -19,8 +19,8 @@ from matest.workers import in_threads
 # Pixels from the silhouette within which a pixel may mix object and background: optics and mask are accurate to about
 # a pixel each.
 RIM_WIDTH = 2
-# Rays that are cast at a time: enough to keep every processor busy, and few enough for their numbers to stay small.
-_RAYS = 1 << 18
+# Rays that are cast at a time: few enough for their numbers to stay in the processor's cache.
+_RAYS = 1 << 15
 
 
 @dataclass(frozen=True)
@@ -108,20 +108,22 @@ class Surface:
 
 
 class _View(NamedTuple):
-    """What the rays of a camera through some pixels meet; those that meet nothing are left out.
+    """What the rays of a camera through some pixels meet; the n rays that meet nothing are left out.
 
     Attributes:
         pixels: flat row-major indices [n].
-        faces: triangle met [n].
-        distance: to it along the ray [n].
-        positions: there, in world units [n, 3].
-        normals: unit, smooth-shaded [n, 3].
-        toward: unit vectors to the viewer [n, 3].
+        distance: to the surface along the ray [n].
+        cos_o: cosine between the smooth normal and the direction to the viewer [n].
+        faces: triangle met by the m rays whose pixels face the viewer [m].
+        positions: where they meet it, in world units [m, 3].
+        normals: there, unit, smooth-shaded [m, 3].
+        toward: unit vectors to the viewer [m, 3], or one where it is the same everywhere [1, 3].
     """
 
     pixels: np.ndarray
-    faces: np.ndarray
     distance: np.ndarray
+    cos_o: np.ndarray
+    faces: np.ndarray
     positions: np.ndarray
     normals: np.ndarray
     toward: np.ndarray
@@ -138,7 +140,12 @@ class _View(NamedTuple):
         hit = faces >= 0
         faces, distance, directions = faces[hit], distance[hit], directions[hit]
         positions = origins[hit] + distance[:, None] * directions
-        return cls(pixels[hit], faces, distance, positions, mesh.interpolated_normals(faces, positions), -directions)
+        normals = mesh.interpolated_normals(faces, positions)
+        cos_o = -np.einsum("ij,ij->i", normals, directions)
+        # A smooth-shaded normal may point away from the viewer at the limb; such pixels are left out.
+        facing = cos_o > 0
+        toward = -directions[:1] if camera.orthographic else -directions[facing]
+        return cls(pixels[hit], distance, cos_o, faces[facing], positions[facing], normals[facing], toward)
 
 
 def from_mesh(mesh: Mesh, camera: Camera, shape: tuple[int, int], mask: np.ndarray | None = None) -> Surface:
@@ -149,8 +156,10 @@ def from_mesh(mesh: Mesh, camera: Camera, shape: tuple[int, int], mask: np.ndarr
     """
     candidates = np.arange(shape[0] * shape[1]) if mask is None else np.flatnonzero(mask)
     parts = np.array_split(candidates, len(candidates) // _RAYS + 1)
-    views = list(in_threads(lambda part: _View.of(mesh, camera, shape, part), parts))
-    pixels, faces, distance, positions, normals, view = (np.concatenate(column) for column in zip(*views, strict=True))
+    views = in_threads(lambda part: _View.of(mesh, camera, shape, part), parts)
+    columns = [list(column) for column in zip(*views, strict=True)]
+    # One column after the other, so that no more than one is in memory twice.
+    pixels, distance, cos_o, faces, positions, normals, toward = (_joined(column) for column in columns)
     if not len(pixels):
         low, high = (np.round(corner, 3).tolist() for corner in mesh.bounds)
         raise InputError(
@@ -158,25 +167,29 @@ def from_mesh(mesh: Mesh, camera: Camera, shape: tuple[int, int], mask: np.ndarr
             f"ray of the camera meets its bounding box {low} to {high} where the mask allows. Check camera.position, "
             "camera.target and the mesh's units."
         )
-    # A smooth-shaded normal may point away from the viewer at the limb; such pixels are left out.
-    cos_o = np.einsum("ij,ij->i", normals, view)
     facing = cos_o > 0
+    if not facing.any():
+        raise InputError("all normals of the mesh point away from the camera: it is inside out; flip its faces.")
     rim = _rim(shape, pixels, distance, camera.footprint(shape, distance), cos_o)
-    surface = Surface(
+    return Surface(
         shape=shape,
-        pixels=pixels,
+        pixels=pixels[facing],
         normals=torch.from_numpy(normals),
-        view=torch.from_numpy(view[:1].copy() if camera.orthographic else view),
+        view=torch.from_numpy(toward[:1].copy() if camera.orthographic else toward),
         positions=torch.from_numpy(positions),
-        rim=rim,
+        rim=rim[facing],
         faces=faces,
         mesh=mesh,
         coverage=1.0 if mask is None else len(pixels) / len(candidates),
         eye=_eye(camera),
     )
-    if not facing.any():
-        raise InputError("all normals of the mesh point away from the camera: it is inside out; flip its faces.")
-    return surface.take(facing)
+
+
+def _joined(parts: list[np.ndarray]) -> np.ndarray:
+    """The parts in one array; the list is emptied."""
+    array = np.concatenate(parts)
+    parts.clear()
+    return array
 
 
 def from_normals(

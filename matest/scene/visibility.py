@@ -20,8 +20,8 @@ _SKY_PIXELS = 8_192
 _ALL_TRACED = 1 << 18
 # Pixels on a side of the squares between those that are traced first.
 _CELL = 4
-# Pixels whose rays are cast at once: some 50 MB.
-_AT_ONCE = 1 << 18
+# Pixels whose rays are cast at once: few enough for their numbers to stay in the processor's cache.
+_AT_ONCE = 1 << 15
 # Distance of a ray's origin from its facet, share of the mesh's extent: rays then miss the facet itself.
 _RAY_OFFSET = 1e-4
 
@@ -111,8 +111,11 @@ class _Grid:
         """The grid over a surface of which some pixels [N] face the light."""
         # A last row and column of cells without pixels, which have no corner.
         shape = (surface.shape[0] // _CELL + 2, surface.shape[1] // _CELL + 2)
-        rows, columns = np.divmod(surface.pixels, surface.shape[1])
-        cell = (rows // _CELL * shape[1] + columns // _CELL).astype(np.int32)
+        # In 32 bits, which is several times as fast, and enough for any image.
+        pixels = surface.pixels.astype(np.uint32)
+        rows = pixels // np.uint32(surface.shape[1])
+        columns = pixels - rows * np.uint32(surface.shape[1])
+        cell = (rows // np.uint32(_CELL) * np.uint32(shape[1]) + columns // np.uint32(_CELL)).astype(np.int32)
         corner = np.full(shape, -1, dtype=np.int32)
         index = np.flatnonzero(facing & (rows % _CELL == 0) & (columns % _CELL == 0))
         corner.flat[cell[index]] = index
