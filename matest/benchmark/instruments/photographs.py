@@ -44,6 +44,9 @@ _RADIUS_IN_FILES = math.sqrt(0.8e6 / 1024**2 / math.pi)
 # Radius of the vase at evenly spaced heights from foot to lip.
 _OUTLINE = (0.38, 0.46, 0.56, 0.62, 0.61, 0.52, 0.39, 0.31, 0.33, 0.42)
 
+# World units across the height of images of the vase, which is 2 high.
+_VASE_HEIGHT = 2.2
+
 _GLOSSY: dict[str, Any] = {"diffuse": [0.4, 0.2, 0.1], "specular": [0.8, 0.8, 0.8], "slope": 0.2, "f0": 0.04}
 MATERIALS: dict[str, dict[str, Any]] = {
     "oren-nayar": {"albedo": [0.7, 0.5, 0.3], "sigma": 0.6},
@@ -193,15 +196,17 @@ def material_of(expression: str) -> Brdf:
 
 
 @contextmanager
-def in_files(expression: str, *, images: int, size: int) -> Iterator[Path]:
+def in_files(expression: str, *, images: int, size: int, mesh: bool = False) -> Iterator[Path]:
     """A folder, while it is needed, with so many photographs, of `size`×`size` pixels, of a sphere of a material.
 
-    They are 16-bit RGB PNG with camera noise, each under one light.
+    They are 16-bit RGB PNG with camera noise, each under one light. With `mesh` the object is the mesh of a vase, whose
+    neck lies in its own shadow here and there.
     """
+    geometry = {"shape": "sphere", "centre": [size / 2, size / 2], "radius": _RADIUS_IN_FILES * size}
     scene = {
         "material": {"model": expression, **MATERIALS[expression]},
-        "geometry": {"shape": "sphere", "centre": [size / 2, size / 2], "radius": _RADIUS_IN_FILES * size},
-        "camera": {"resolution": [size, size]},
+        "geometry": {"mesh": "vase.ply"} if mesh else geometry,
+        "camera": {"resolution": [size, size], **({"height": _VASE_HEIGHT} if mesh else {})},
         "encoding": {"transfer": "linear", "saturation": SATURATION},
         "noise": {"read": NOISE.read, "gain": NOISE.gain, "bits": 16, "seed": 1},
         "image": [
@@ -209,6 +214,8 @@ def in_files(expression: str, *, images: int, size: int) -> Iterator[Path]:
         ],
     }
     with TemporaryDirectory() as folder:
+        if mesh:
+            _revolved().export(Path(folder, "vase.ply"))
         file = Path(folder, "scene.toml")
         file.write_text(tomli_w.dumps(scene), "utf-8")
         yield simulate(file)
@@ -232,11 +239,17 @@ def sphere(size: int) -> Surface:
 @lru_cache(maxsize=1)
 def vase(size: int) -> Surface:
     """A vase that casts shadows on itself, its axis upright, in square images of `size` pixels."""
+    solid = _revolved()
+    mesh = Mesh(np.asarray(solid.vertices), np.asarray(solid.faces))
+    return from_mesh(mesh, Camera(position=(0.0, 0.0, 5.0), height=_VASE_HEIGHT), (size, size))
+
+
+def _revolved() -> trimesh.Trimesh:
+    """The solid of the vase."""
     heights = np.linspace(-1, 1, 40)
     radii = np.interp(heights, np.linspace(-1, 1, len(_OUTLINE)), _OUTLINE)
     outline = np.concatenate([[[0, -1]], np.stack([radii, heights], axis=1), [[0, 1]]])
     solid = trimesh.creation.revolve(outline, sections=64)
     # trimesh revolves about z; the camera's up is y.
     solid.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0]))
-    mesh = Mesh(np.asarray(solid.vertices), np.asarray(solid.faces))
-    return from_mesh(mesh, Camera(position=(0.0, 0.0, 5.0), height=2.2), (size, size))
+    return solid

@@ -1,0 +1,146 @@
+"""What a user waits for: the whole command on captures that do not state their noise, against decoding them."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+import tomllib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+from rich.console import Group
+
+from matest.benchmark.instruments.photographs import in_files
+from matest.benchmark.suite import Effort, Progress, Record, Suite
+from matest.benchmark.suites.limits import decode
+from matest.benchmark.tables import by_case, listed, page
+
+MODEL = "oren-nayar"
+STAGES = ("read", "geometry", "fit", "report")
+# Whole command without imports against decoding, at most.
+RATIO_LIMIT = 4.0
+
+# Runs the command, then says what it took: processor seconds, high-water mark of memory, modules loaded.
+_COMMAND = """
+import json, sys, time
+from matest.cli import main
+try:
+    main()
+except SystemExit as end:
+    if end.code:
+        raise
+with open("/proc/self/status") as status:
+    peak = next(line.split()[1] for line in status if line.startswith("VmHWM"))
+modules = [name for name, module in sys.modules.items() if getattr(module, "__file__", None)]
+print(json.dumps({"cpu": time.process_time(), "peak": int(peak) * 1024 / 1e6, "modules": modules}))
+"""
+# Imports the same modules and nothing else.
+_IMPORTS = """
+import importlib, json, sys, time
+for name in json.loads(sys.stdin.read()):
+    if name != "__main__":
+        importlib.import_module(name)
+print(json.dumps({"cpu": time.process_time()}))
+"""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A capture as people have them.
+
+    Attributes:
+        images: number of photographs.
+        size: pixels on a side.
+        mesh: whether the object is a mesh that shadows itself, or a sphere.
+        peak_limit: megabytes of memory, at most; None: no limit.
+        ratio_limit: see `RATIO_LIMIT`; None: too small to tell.
+    """
+
+    images: int
+    size: int
+    mesh: bool = False
+    peak_limit: float | None = None
+    ratio_limit: float | None = RATIO_LIMIT
+
+    @property
+    def name(self) -> str:
+        """For the table."""
+        return f"{self.images} × {self.size}², {'mesh' if self.mesh else 'sphere'}"
+
+
+QUICK_CASES = (Case(6, 64, ratio_limit=None), Case(12, 1024))
+CASES = (
+    *QUICK_CASES,
+    Case(12, 1024, mesh=True),
+    Case(6, 3464, mesh=True, peak_limit=1500),
+    Case(3, 4899, mesh=True, peak_limit=2000, ratio_limit=None),
+)
+
+
+def measure(effort: Effort, progress: Progress) -> Iterator[Record]:
+    """Records of every capture; of the small ones in a quick run."""
+    if not Path("/proc/self/status").exists():
+        note = "the peak memory of a process is only known on Linux"
+        yield Record("command", CASES[0].name, "command / decode", None, "1", limit=RATIO_LIMIT, note=note)
+        return
+    cases = QUICK_CASES if effort.quick else CASES
+    for number, case in enumerate(cases):
+        progress("whole commands", number, len(cases))
+        with in_files(MODEL, images=case.images, size=case.size, mesh=case.mesh) as folder:
+            _forget_noise(folder / "capture.toml")
+            yield from figures(case, folder)
+
+
+def _forget_noise(file: Path) -> None:
+    """Let a capture file state no noise."""
+    tables = tomllib.loads(file.read_text("utf-8"))
+    del tables["noise"]
+    file.write_text(tomli_w.dumps(tables), "utf-8")
+
+
+def figures(case: Case, folder: Path) -> Iterator[Record]:
+    """Records of one capture, in processor seconds; stages by the clock, as the command itself counts them."""
+    start = time.process_time()
+    decode(folder)
+    decoding = time.process_time() - start
+    out = folder / "result"
+    arguments = ["estimate", str(folder), "--model", MODEL, "-o", str(out)]
+    taken = _last_line(_COMMAND, arguments)
+    imports = _last_line(_IMPORTS, [], json.dumps(taken["modules"]))["cpu"]
+    command = taken["cpu"] - imports
+    timing = json.loads((out / "result.json").read_text("utf-8"))["timing_s"]
+    seconds = {"decode": decoding, "imports": imports, "command": command}
+    for metric, value in (*seconds.items(), *((stage, timing[stage]) for stage in STAGES)):
+        yield Record("command", case.name, metric, value, "s")
+    yield Record("command", case.name, "peak", taken["peak"], "MB", limit=case.peak_limit)
+    note = f"{command:.1f} s against {decoding:.2f} s of decoding"
+    ratio = command / decoding
+    yield Record("command", case.name, "command / decode", ratio, "1", limit=case.ratio_limit, note=note)
+
+
+def _last_line(program: str, arguments: Sequence[str], text: str = "") -> dict[str, Any]:
+    """What a Python process with this program says in its last line."""
+    done = subprocess.run(
+        [sys.executable, "-c", program, *arguments], input=text, capture_output=True, text=True, check=True
+    )
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def table(records: Sequence[Record]) -> Group:
+    """Seconds and memory of every capture, and the ratios."""
+    rows = by_case(records)
+    about = (
+        f"Fresh processes of 'matest estimate --model {MODEL}', noise not stated. Decode: OpenCV alone; command: from "
+        "the start of the process to the written result, without the imports: all three in processor seconds. Stages "
+        "by the clock, on all processors; peak in megabytes."
+    )
+    whole = listed("whole", ("decode", "imports", "command", "peak", "command / decode"), rows)
+    return page(about, whole, listed("stages", STAGES, rows), records=records)
+
+
+SUITE = Suite(measure, table)
