@@ -46,6 +46,8 @@ SELECTED: dict[str, tuple[Kind, float | None]] = {
     "scaling/exponent": ("cost", None),
     "scaling/time per sample": ("cost", 0.5),
     "start/estimate / *": ("cost", 0.3),
+    "command/command / decode": ("cost", 0.5),
+    "command/peak": ("cost", 0.2),
     "memory/peak ratio": ("cost", 0.2),
 }
 

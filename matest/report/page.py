@@ -64,7 +64,7 @@ def _parameters(estimate: Estimate) -> str:
         [
             f"<h1>{escape(estimate.capture)}: {escape(estimate.model)}</h1>",
             f'<p class="lead">{escape(estimate.fit.message)}</p>',
-            _table((*PARAMETER_COLUMNS, ""), body),
+            _table((*PARAMETER_COLUMNS, "meaning"), body),
             *(f'<p class="warning">{escape(warning)}</p>' for warning in estimate.warnings),
         ]
     )
@@ -77,7 +77,7 @@ def _fit(estimate: Estimate) -> str:
         "relative rms error": f"{fit.relative_rmse:.2%}",
         "reduced χ²": chi2(fit.reduced_chi2),
         "samples used": f"{fit.samples_used:,}",
-        "of": f"{fit.samples:,}",
+        "samples in all": f"{fit.samples:,}",
         "passes": str(fit.iterations),
         "error bars from": fit.errors.replace("fisher", "Fisher information"),
     }
