@@ -15,7 +15,7 @@ from matest.estimation.prediction import relative_error
 from matest.estimation.remarks import message, skipped, unread_samples
 from matest.estimation.result import Candidate, Estimate, Fit
 from matest.estimation.selection import CANDIDATES, select
-from matest.estimation.specification import Specification, freed, specify
+from matest.estimation.specification import Specification, freed, specify_unknowns
 from matest.estimation.warnings import Context, warnings
 from matest.estimators import Solution, fit
 from matest.inference.posterior import Posterior, judge, judge_to_first_order
@@ -138,7 +138,9 @@ def _solve(
     expression: str, samples: AccountedSamples, options: Options, progress: Progress
 ) -> tuple[Specification, Solution]:
     """The optimum, with those parameters freed that are held by default and that the images determine."""
-    specification = specify(expression, options, channels=samples.channels, relative=samples.relative, scene=samples)
+    specification = specify_unknowns(
+        expression, options, channels=samples.channels, relative=samples.relative, scene=samples
+    )
     precision = options.precision or 0.0
     solution = fit(specification.problem, samples, options.seed, progress, precision=precision)
     wider = freed(specification, determined_by_images(specification, solution))

@@ -15,7 +15,7 @@ from torch import Tensor
 from matest.errors import InputError
 from matest.estimation.options import Options
 from matest.estimation.result import Candidate
-from matest.estimation.specification import specify
+from matest.estimation.specification import specify_unknowns
 from matest.estimators import Problem, fit_batches
 from matest.estimators.passes import predict_radiance
 from matest.progress import Progress, silent
@@ -114,7 +114,7 @@ def _problems(samples: Samples, options: Options) -> dict[str, Problem]:
     problems: dict[str, Problem] = {}
     for expression in CANDIDATES:
         with contextlib.suppress(InputError):
-            problems[expression] = specify(
+            problems[expression] = specify_unknowns(
                 expression, options, channels=samples.channels, relative=samples.relative, scene=samples
             ).problem
     if not problems:

@@ -50,7 +50,7 @@ def check_options(options: Options) -> None:
     if options.model is not None and not options.automatic:
         # No image has been read yet: count the channels of the values.
         channels = max((len(value) for value in options.fix.values() if isinstance(value, Sequence)), default=1)
-        specify(options.model, options, channels=channels, relative=False)
+        specify_unknowns(options.model, options, channels=channels, relative=False)
     try:
         torch.zeros(1, device=options.device)
     except (RuntimeError, AssertionError) as error:
@@ -73,8 +73,7 @@ def specify(
         scene: gives what models take from lights and camera; None: nothing does.
 
     Raises:
-        InputError: an unknown model or parameter, a value outside its domain, a tie that makes no sense, or nothing
-            to estimate.
+        InputError: an unknown model or parameter, a value outside its domain, a tie that makes no sense.
     """
     brdf, bracketed = model(expression)
     free = {resolve(brdf, name) for name in options.free}
@@ -92,10 +91,6 @@ def specify(
     defaults = {name: torch.tensor(hold.value, dtype=torch.float64) for name, hold in holds.items()}
     held = {**fixed, **measured, **defaults}
     estimated = tuple(name for name in brdf.declared if name not in held and name not in ties)
-    if not estimated:
-        raise InputError(
-            f"every parameter of {expression} has its value, and none is left to estimate: leave out a --fix or --tie."
-        )
     if relative:
         _check_scale(brdf, estimated, held, ties)
 
@@ -106,6 +101,22 @@ def specify(
         brdf, channels, estimated, held, ties, relative=relative, arbitrary=held_as(Reason.ARBITRARY_UNIT)
     )
     return Specification(problem, held_as(Reason.NOT_DETERMINED), held_as(Reason.OPTICS_NOT_STATED))
+
+
+def specify_unknowns(
+    expression: str, options: Options, *, channels: int, relative: bool, scene: Optics | None = None
+) -> Specification:
+    """The same for an estimate, which needs something to estimate.
+
+    Raises:
+        InputError: see `specify`; every parameter has its value.
+    """
+    specification = specify(expression, options, channels=channels, relative=relative, scene=scene)
+    if not specification.problem.free:
+        raise InputError(
+            f"every parameter of {expression} has its value, and none is left to estimate: leave out a --fix or --tie."
+        )
+    return specification
 
 
 class Reason(Enum):
