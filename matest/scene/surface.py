@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -117,7 +118,6 @@ class _View(NamedTuple):
         faces: triangle met by the m rays whose pixels face the viewer [m].
         positions: where they meet it, in world units [m, 3].
         normals: there, unit, smooth-shaded [m, 3].
-        toward: unit vectors to the viewer [m, 3], or one where it is the same everywhere [1, 3].
     """
 
     pixels: np.ndarray
@@ -126,7 +126,12 @@ class _View(NamedTuple):
     faces: np.ndarray
     positions: np.ndarray
     normals: np.ndarray
-    toward: np.ndarray
+
+    @classmethod
+    def room(cls, count: int) -> _View:
+        """Room for the view through so many pixels."""
+        index, number, vector = np.empty(count, np.int64), np.empty(count), np.empty((count, 3))
+        return cls(index, number, np.empty_like(number), np.empty_like(index), vector, np.empty_like(vector))
 
     @classmethod
     def of(cls, mesh: Mesh, camera: Camera, shape: tuple[int, int], pixels: np.ndarray) -> _View:
@@ -144,8 +149,31 @@ class _View(NamedTuple):
         cos_o = -np.einsum("ij,ij->i", normals, directions)
         # A smooth-shaded normal may point away from the viewer at the limb; such pixels are left out.
         facing = cos_o > 0
-        toward = -directions[:1] if camera.orthographic else -directions[facing]
-        return cls(pixels[hit], distance, cos_o, faces[facing], positions[facing], normals[facing], toward)
+        return cls(pixels[hit], distance, cos_o, faces[facing], positions[facing], normals[facing])
+
+    @classmethod
+    def through(cls, mesh: Mesh, camera: Camera, shape: tuple[int, int], pixels: np.ndarray) -> _View:
+        """The same for many pixels, part by part on all processors, each written where it belongs."""
+        whole = cls.room(len(pixels))
+
+        def trace(first: int) -> list[int]:
+            part = cls.of(mesh, camera, shape, pixels[first : first + _RAYS])
+            for column, values in zip(whole, part, strict=True):
+                column[first : first + len(values)] = values
+            return [len(values) for values in part]
+
+        counts = list(in_threads(trace, range(0, max(len(pixels), 1), _RAYS)))
+        return cls(*(_packed(column, sizes) for column, sizes in zip(whole, zip(*counts, strict=True), strict=True)))
+
+
+def _packed(column: np.ndarray, sizes: Sequence[int]) -> np.ndarray:
+    """The first so many of every `_RAYS` values, moved together in place."""
+    end = 0
+    for number, size in enumerate(sizes):
+        column[end : end + size] = column[number * _RAYS : number * _RAYS + size]
+        end += size
+    column.resize((end, *column.shape[1:]), refcheck=False)
+    return column
 
 
 def from_mesh(mesh: Mesh, camera: Camera, shape: tuple[int, int], mask: np.ndarray | None = None) -> Surface:
@@ -155,11 +183,8 @@ def from_mesh(mesh: Mesh, camera: Camera, shape: tuple[int, int], mask: np.ndarr
         InputError: no ray meets the mesh inside the mask.
     """
     candidates = np.arange(shape[0] * shape[1]) if mask is None else np.flatnonzero(mask)
-    parts = np.array_split(candidates, len(candidates) // _RAYS + 1)
-    views = in_threads(lambda part: _View.of(mesh, camera, shape, part), parts)
-    columns = [list(column) for column in zip(*views, strict=True)]
-    # One column after the other, so that no more than one is in memory twice.
-    pixels, distance, cos_o, faces, positions, normals, toward = (_joined(column) for column in columns)
+    seen = _View.through(mesh, camera, shape, candidates)
+    pixels, distance, cos_o, *_ = seen
     if not len(pixels):
         low, high = (np.round(corner, 3).tolist() for corner in mesh.bounds)
         raise InputError(
@@ -171,25 +196,20 @@ def from_mesh(mesh: Mesh, camera: Camera, shape: tuple[int, int], mask: np.ndarr
     if not facing.any():
         raise InputError("all normals of the mesh point away from the camera: it is inside out; flip its faces.")
     rim = _rim(shape, pixels, distance, camera.footprint(shape, distance), cos_o)
+    # Of an orthographic camera; of others it follows from their position.
+    _, direction = camera.rays(shape, pixels[:1])
     return Surface(
         shape=shape,
         pixels=pixels[facing],
-        normals=torch.from_numpy(normals),
-        view=torch.from_numpy(toward[:1].copy() if camera.orthographic else toward),
-        positions=torch.from_numpy(positions),
+        normals=torch.from_numpy(seen.normals),
+        view=torch.from_numpy(-direction),
+        positions=torch.from_numpy(seen.positions),
         rim=rim[facing],
-        faces=faces,
+        faces=seen.faces,
         mesh=mesh,
         coverage=1.0 if mask is None else len(pixels) / len(candidates),
         eye=_eye(camera),
     )
-
-
-def _joined(parts: list[np.ndarray]) -> np.ndarray:
-    """The parts in one array; the list is emptied."""
-    array = np.concatenate(parts)
-    parts.clear()
-    return array
 
 
 def from_normals(
