@@ -11,11 +11,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from matest.capture.description import LARGEST, Description
+from matest.capture.description import Description
 from matest.capture.geometry import check_size, visible_surface
 from matest.capture.schema import ImageTable, LightTable
 from matest.errors import Fault, InputError, refuse
-from matest.photographs.images import read_image
+from matest.photographs.images import LARGEST, read_image
 from matest.photographs.noise import Noise
 from matest.photographs.photographs import Photographs
 from matest.photographs.photometry import Encoding

@@ -12,12 +12,10 @@ from typing import Generic
 from matest.capture import schema
 from matest.capture.schema import File
 from matest.errors import Fault, InputError, refuse
-from matest.photographs.images import read_image
+from matest.photographs.images import LARGEST, read_image
 
 # Largest width and height of images that do not exist yet, pixels: a typo must not fill the memory.
 _MAX_SIDE = 16384
-# Largest number that a file may state: squares of radiance and its noise must stay within single precision.
-LARGEST = 1e15
 
 
 @dataclass(frozen=True)

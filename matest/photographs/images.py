@@ -11,6 +11,9 @@ import numpy as np
 from matest.errors import InputError
 from matest.photographs.readers import READERS
 
+# Largest number that a file may hold or state: squares of radiance and its noise must stay within single precision.
+LARGEST = 1e15
+
 
 @dataclass(frozen=True)
 class ImageFile:
@@ -36,7 +39,7 @@ def read_image_file(path: Path) -> ImageFile:
     """An image, the way up that it belongs, with what was done to make it so.
 
     Raises:
-        InputError: missing, damaged or unreadable, an unsupported format, NaN or infinite values.
+        InputError: missing, damaged or unreadable, an unsupported format, NaN, infinite or immense values.
     """
     if not path.is_file():
         raise InputError(f"{path}: no such image; put it there or correct 'file'.")
@@ -55,11 +58,13 @@ def read_image_file(path: Path) -> ImageFile:
         raise InputError(f"{path}: expected 8 or 16 bit integers or floats; got {image.dtype}. Convert the image.")
     colours = 1 if image.shape[2] < 3 else 3
     pixels, coverage = image[..., :colours], image[..., colours] if image.shape[2] > colours else None
-    if image.dtype.kind == "f" and not np.isfinite(image).all():
-        count = int((~np.isfinite(image)).any(axis=2).sum())
+    # False for NaN too.
+    usable = np.abs(image) < LARGEST if image.dtype.kind == "f" else np.array(True)
+    if not usable.all():
+        count = int((~usable).any(axis=2).sum())
         raise InputError(
-            f"{path}: expected finite values; {count} pixels are NaN or infinite. Mask them out by replacing them "
-            "with 0 and excluding them in the mask."
+            f"{path}: expected values below {LARGEST:g}; {count} pixels are larger, infinite or NaN. Mask them out by "
+            "replacing them with 0 and excluding them in the mask."
         )
     return ImageFile(pixels, coverage, raster.notes)
 

@@ -62,7 +62,7 @@ def test_values_that_are_not_finite_in_an_exr_are_refused(folder, bad):
         write_image(folder.path / table["file"], image)
     message = refusal(folder.load)
     assert str(folder.path / "00.exr") in message
-    assert "1 pixels are NaN or infinite" in message
+    assert "1 pixels are larger, infinite or NaN" in message
 
 
 def test_images_of_different_sizes_are_refused(folder):

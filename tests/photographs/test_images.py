@@ -224,6 +224,24 @@ def test_values_that_are_not_finite_are_refused_and_counted(tmp_path, bad, suffi
     assert "2 pixels" in message
 
 
+def test_values_whose_squares_overflow_are_refused(tmp_path):
+    image = floats(3)
+    image[2, 3, 1] = 1e38
+    np.save(tmp_path / "image.npy", image)
+    assert "1 pixels" in refusal(lambda: read_image(tmp_path / "image.npy"))
+
+
+def test_an_array_larger_than_memory_is_refused(tmp_path):
+    path = tmp_path / "image.npy"
+    with path.open("wb") as file:
+        np.lib.format.write_array_header_1_0(
+            file, {"descr": "<f4", "fortran_order": False, "shape": (1 << 20, 1 << 20, 1 << 10)}
+        )
+        file.write(bytes(64))
+    message = refusal(lambda: read_image(path))
+    assert message.startswith(f"{path}: ")
+
+
 def test_a_missing_file_is_refused(tmp_path):
     path = tmp_path / "none.png"
     message = refusal(lambda: read_image(path))
