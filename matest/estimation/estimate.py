@@ -143,7 +143,7 @@ def _solve(
     )
     precision = options.precision or 0.0
     solution = fit(specification.problem, samples, options.seed, progress, precision=precision)
-    wider = freed(specification, determined_by_images(specification, solution))
+    wider = freed(specification, determined_by_images(specification, solution, len(samples)))
     if wider.problem.free == specification.problem.free:
         return specification, solution
     problem = wider.problem.limited(solution.problem.light_scale_limit)

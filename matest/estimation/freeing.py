@@ -15,15 +15,22 @@ from matest.estimators.covariance import fisher
 _WORTH_FREEING = 0.25
 
 
-def determined_by_images(specification: Specification, solution: Solution) -> list[str]:
-    """Parameters held by default that the images determine."""
+def determined_by_images(specification: Specification, solution: Solution, count: int) -> list[str]:
+    """Parameters held by default that the images determine.
+
+    Args:
+        specification: what was estimated.
+        solution: of it, from all samples or from a subsample.
+        count: number of all samples; a subsample speaks for them.
+    """
     names = specification.default_held
     if not names:
         return []
     wider = freed(specification, names).problem
     unknowns = widened(wider, solution)
     statistics = accumulate(wider, unknowns, solution.tiles, unknowns, solution.residual_scale)
-    return worth_freeing(wider, names, unknowns, statistics.information / statistics.inflation)
+    share = min(statistics.total("samples") / count, 1.0)
+    return worth_freeing(wider, names, unknowns, statistics.information / (share * statistics.inflation))
 
 
 def worth_freeing(wider: Problem, names: Sequence[str], unknowns: Tensor, information: Tensor) -> list[str]:

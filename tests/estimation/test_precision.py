@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import matest
-from matest.brdf import Lambert, OrenNayar
+from matest.brdf import CookTorrance, Lambert, OrenNayar
 from tests.captures import directional
 from tests.simulated import DIRECTIONS, Studio
 
@@ -25,6 +25,15 @@ def test_an_estimate_stops_at_the_precision_asked_for() -> None:
         found = rough.parameters[name]
         assert whole.parameters[name].std < found.std < 0.01 * found.value
         assert abs(found.value - truth) < 4 * found.std
+
+
+def test_a_subsample_holds_no_parameter_that_all_pixels_determine() -> None:
+    capture = STUDIO.photograph(CookTorrance(0.3, 0.3, 0.3), seed=1)
+    # Held at its default, f0 would make the strength of the highlight look known five times as well as it is.
+    rough = matest.estimate(capture, "cook-torrance", precision=0.1)
+    whole = matest.estimate(capture, "cook-torrance")
+    assert whole.parameters["f0"].status == rough.parameters["f0"].status == "determined"
+    assert rough.parameters["specular"].std > 0.9 * whole.parameters["specular"].std
 
 
 def test_a_precision_out_of_reach_reads_everything() -> None:
