@@ -22,7 +22,8 @@ def test_a_capture_is_decoded_and_estimated_in_a_process_of_its_own(monkeypatch:
     monkeypatch.setattr(command, "QUICK_CASES", (command.Case(3, 48, mesh=True, peak_limit=1.0),))
     records = {record.metric: record for record in load("command").run(Effort(quick=True))}
     values = {metric: record.value for metric, record in records.items()}
-    assert all(value is not None and value > 0 for value in values.values())
+    # Of so small a capture what is left beside the imports may be less than their spread, even below zero.
+    assert all(values[metric] > 0 for metric in ("decode", "imports", "peak", *command.STAGES))
     assert values["command / decode"] == pytest.approx(values["command"] / values["decode"])
     # Torch and the rest take far longer to import than so small a capture to estimate.
     assert values["imports"] > 0.3
