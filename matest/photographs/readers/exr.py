@@ -14,8 +14,10 @@ from matest.errors import InputError
 from matest.photographs.readers import alpha
 from matest.photographs.readers.raster import Raster, unreadable
 
-# Channels of a picture, in the order in which they are looked for.
-_COLOURS, _VECTORS, _GREY = ("R", "G", "B"), ("X", "Y", "Z"), ("Y",)
+# Channels of a picture: colours, else vectors, else grey.
+_COLOURS = ("R", "G", "B")
+_VECTORS = ("X", "Y", "Z")
+_GREY = ("Y",)
 # Channels of half the resolution that make a colour picture of the luminance Y.
 _CHROMA = {"RY", "BY"}
 # Last words of the names that renderers give to the layer with the whole picture.

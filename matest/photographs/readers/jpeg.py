@@ -8,8 +8,10 @@ from matest.errors import InputError
 from matest.photographs.readers.orientation import exif_orientation, upright
 from matest.photographs.readers.raster import Raster, unreadable
 
-# Markers of an application's block, which EXIF is, and of the beginning of the picture itself.
-_APPLICATION, _SCAN = 0xE1, 0xDA
+# Marker of an application's block, which EXIF is.
+_APPLICATION = 0xE1
+# Marker of the beginning of the picture itself.
+_SCAN = 0xDA
 _EXIF = b"Exif\0\0"
 # What to decode to, by what is stored, as simplejpeg calls them.
 _COLOURS = {"Gray": "GRAY", "YCbCr": "RGB", "RGB": "RGB"}

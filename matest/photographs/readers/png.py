@@ -10,8 +10,10 @@ from matest.photographs.readers.raster import Raster, unreadable
 
 # The last chunk of every complete file.
 _END = b"IEND\xaeB`\x82"
-# Place of the colour type in the file, and its value for grey with alpha.
-_COLOUR_TYPE, _GREY_ALPHA = 25, 4
+# Place of the colour type in the file.
+_COLOUR_TYPE = 25
+# Colour type of grey with alpha.
+_GREY_ALPHA = 4
 
 
 def read_png(path: Path) -> Raster:

@@ -9,8 +9,10 @@ import numpy as np
 from matest.errors import InputError
 from matest.photographs.readers.raster import Raster, unreadable
 
-# Places in the file of the kind of its pixels and of their bits.
-_KIND, _PIXEL_BITS = 2, 16
+# Place in the file of the kind of its pixels.
+_KIND = 2
+# Place in the file of the bits of a pixel.
+_PIXEL_BITS = 16
 # Kinds (RGB and grey, each also in run lengths) with their bits, alpha included.
 _EXACT = {2: (24, 32), 10: (24, 32), 3: (8, 16), 11: (8, 16)}
 

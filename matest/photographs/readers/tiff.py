@@ -17,14 +17,18 @@ from matest.photographs.readers.raster import Raster, unreadable
 if TYPE_CHECKING:
     from tifffile import TiffPage
 
-_WHITE_IS_ZERO, _BLACK_IS_ZERO, _RGB = 0, 1, 2
+# Values of the tag PhotometricInterpretation.
+_WHITE_IS_ZERO = 0
+_BLACK_IS_ZERO = 1
+_RGB = 2
 _COLOUR_CHANNELS = {_WHITE_IS_ZERO: 1, _BLACK_IS_ZERO: 1, _RGB: 3}
 # None, CCITT (three), LZW, Deflate, PackBits, Deflate by its older number, LZMA, Zstandard.
 _LOSSLESS = (1, 2, 3, 4, 5, 8, 32773, 32946, 34925, 50000)
 # Bits of the integers that uint8, uint16 or float32 can hold; of 32 bits most can.
 _INTEGER_BITS = (*range(1, 17), 32)
-# Meanings of a channel beyond the colours.
-_ASSOCIATED_ALPHA, _ALPHA = 1, 2
+# Values of the tag ExtraSamples, the meaning of a channel beyond the colours.
+_ASSOCIATED_ALPHA = 1
+_ALPHA = 2
 
 
 def read_tiff(path: Path) -> Raster:
