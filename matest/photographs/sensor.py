@@ -12,6 +12,7 @@ from matest.photographs.images import full_scale
 from matest.photographs.noise import Noise, stated_noise
 from matest.photographs.noise_estimate import noise_of_photographs
 from matest.photographs.photometry import Encoding
+from matest.photographs.storage import release
 from matest.scene import Surface
 
 
@@ -52,6 +53,8 @@ def sensor_of(
     else:
         noise = stated_noise(noise, encoding, stored[0])
     clip = None if clips_as_stated else clipping(stored, maxima, encoding, noise)
+    for pixels in stored:
+        release(pixels)
     return Sensor(encoding if clip is None else _clipped_at(encoding, clip.levels, dtype), noise, clip)
 
 
