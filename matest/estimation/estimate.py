@@ -13,9 +13,10 @@ from matest.estimation.freeing import determined_by_images, widened
 from matest.estimation.options import AUTO, Options, Value
 from matest.estimation.prediction import relative_error
 from matest.estimation.remarks import message, skipped, unread_samples
-from matest.estimation.result import Candidate, Estimate, Fit
-from matest.estimation.selection import CANDIDATES, select
+from matest.estimation.result import Estimate, Fit
+from matest.estimation.selection import select
 from matest.estimation.specification import Specification, freed, specify_unknowns
+from matest.estimation.verdict import sentences
 from matest.estimation.warnings import Context, warnings
 from matest.estimators import Solution, fit
 from matest.inference.posterior import Posterior, judge, judge_to_first_order
@@ -83,11 +84,11 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
     if samples.account.redundancy.channels:
         fix = {name: _of_one_channel(value, capture.channels) for name, value in options.fix.items()}
         options = replace(options, fix=fix)
-    expression, candidates = options.model, list[Candidate]()
+    expression, selection = options.model, None
     if expression is None or options.automatic:
-        expression, candidates = select(samples, options, progress)
-    tried = {candidate.model for candidate in candidates}
-    untried = [model for model in CANDIDATES if candidates and model not in tried]
+        selection = select(samples, options, progress)
+        expression = selection.best.recipe.expression
+    said = [*sentences(selection)] if selection else []
     specification, solution = _solve(expression, samples, options, progress)
     if not solution.statistics.total("values"):
         raise InputError(
@@ -102,18 +103,18 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
     fit_s = time.perf_counter() - clock + capture.timing.get("noise", 0.0)
     return Estimate(
         capture=capture.name,
-        model=material.expression,
+        model=expression if selection else material.expression,
         material=material,
         parameters=dict(posterior.estimates),
         labels=list(posterior.labels),
         correlation=[list(row) for row in posterior.correlation],
         fit=_summary(samples, solution, posterior),
         relative=capture.relative,
-        candidates=candidates,
-        skipped=skipped(samples, solution, len(held_out), candidates),
+        candidates=selection.candidates if selection else [],
+        skipped=skipped(samples, solution, len(held_out), selection.unsupported if selection else []),
         timing_s={**{stage: capture.timing.get(stage, 0.0) for stage in ("read", "geometry")}, "fit": fit_s},
         holdout=holdout,
-        warnings=warnings(Context(samples, specification, solution, posterior, options.precision, untried)),
+        warnings=warnings(Context(samples, specification, solution, posterior, options.precision, said)),
     )
 
 

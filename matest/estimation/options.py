@@ -10,6 +10,8 @@ from matest.errors import InputError
 Value = float | Sequence[float]
 # The model name that asks `estimate` to choose the model.
 AUTO = "auto"
+# The same with every slope distribution tried, whether or not another one meets the images.
+AUTO_ANY_DISTRIBUTION = "auto(distribution=any)"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,7 +19,8 @@ class Options:
     """What to estimate, and how. What does not depend on a capture is checked here.
 
     Attributes:
-        model: an expression such as "oren-nayar+torrance-sparrow", or "auto"; None: the user named none.
+        model: an expression such as "oren-nayar+torrance-sparrow", "auto" or "auto(distribution=any)"; None: the user
+            named none.
         fix: values of parameters that are not estimated, by name or path.
         free: parameters estimated although they are held by default.
         tie: dependent parameter -> the one whose value it takes.
@@ -28,7 +31,7 @@ class Options:
         transfer: how pixels encode light: "linear", "srgb" or a gamma; None: as the capture says.
 
     Raises:
-        InputError: a precision outside 0 to 1.
+        InputError: a precision outside 0 to 1, another choice of `auto`.
     """
 
     model: str | None = None
@@ -46,13 +49,15 @@ class Options:
             raise InputError(
                 f"precision is a relative standard error, such as 0.001, between 0 and 1; got {self.precision}."
             )
+        if self.model is not None and self.model.startswith(f"{AUTO}(") and self.model != AUTO_ANY_DISTRIBUTION:
+            raise InputError(f"--model {self.model}: auto takes one choice only, {AUTO_ANY_DISTRIBUTION}.")
         if self.seed < 0:
             raise InputError(f"--seed must not be negative; got {self.seed}.")
 
     @property
     def automatic(self) -> bool:
         """Whether the estimate chooses the model."""
-        return self.model in (None, AUTO)
+        return self.model in (None, AUTO, AUTO_ANY_DISTRIBUTION)
 
     def fitted_images(self, count: int) -> tuple[int, ...]:
         """Indices of the images, out of `count`, that the fit uses.

@@ -7,8 +7,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from matest.brdf import MODELS
-from matest.estimation.result import Candidate
 from matest.estimation.specification import beside_body
 from matest.estimators import Solution
 from matest.inference.error_bars import ErrorBars
@@ -36,16 +34,14 @@ def unread_samples(samples: AccountedSamples, solution: Solution) -> int:
     return max(len(samples) - int(solution.statistics.total("samples")), 0)
 
 
-def skipped(
-    samples: AccountedSamples, solution: Solution, held_out: int, candidates: Sequence[Candidate]
-) -> dict[str, Any]:
+def skipped(samples: AccountedSamples, solution: Solution, held_out: int, unsupported: Sequence[str]) -> dict[str, Any]:
     """What was not computed, and why; counts of pixels are over all images.
 
     Args:
         samples: that were fitted.
         solution: of the fit.
         held_out: number of images left out of the fit.
-        candidates: models that `auto` tried.
+        unsupported: components that `auto` tried and the images do not support.
     """
     fit_pass, account = Pass(samples, solution), samples.account
     counts = {
@@ -54,13 +50,8 @@ def skipped(
         "idle": len(account.redundancy.images) * account.pixels,
         "held_out": held_out * account.pixels,
     }
-    candidate_parts = {part: None for candidate in candidates for part in candidate.model.split("+")}
-    lobes = [part for part in candidate_parts if not MODELS[part].body]
-    model_parts = {*solution.problem.brdf.expression.split("+")}
-    # Where the model has a lobe, the other lobes were alternatives to it, not parts that it does without.
-    components = [] if model_parts & {*lobes} else lobes
     work = [note for rule in WORK_SAVED for note in rule(fit_pass)]
-    return {"components": components, "samples": {**account.skipped, **counts}, "work": work}
+    return {"components": [*unsupported], "samples": {**account.skipped, **counts}, "work": work}
 
 
 @dataclass(frozen=True)

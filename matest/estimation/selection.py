@@ -6,116 +6,141 @@ import contextlib
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from matest.errors import InputError
-from matest.estimation.options import Options
+from matest.estimation.comparison import Trial, judge_trials
+from matest.estimation.options import AUTO_ANY_DISTRIBUTION, Options
+from matest.estimation.recipes import DISTRIBUTIONS, RECIPES, Component, Recipe
 from matest.estimation.result import Candidate
 from matest.estimation.specification import specify_unknowns
-from matest.estimators import Problem, fit_batches
-from matest.estimators.passes import predict_radiance
+from matest.estimators import Problem
+from matest.estimators.leave_out import leave_out
+from matest.estimators.mixture import Field, Mixture
 from matest.progress import Progress, silent
-from matest.samples import Batch, Samples
-from matest.samples.likelihood import squared_errors
+from matest.samples import Batch, Samples, Tile
+from matest.samples.batch import join
+from matest.workers import single_threaded_torch
 
-# From few to many parameters; a later one replaces an earlier one only if it predicts better.
-CANDIDATES = (
-    "lambert",
-    "oren-nayar-qualitative",
-    "oren-nayar",
-    "cook-torrance",
-    "oren-nayar+torrance-sparrow",
-    "oren-nayar+cook-torrance",
-)
 # Samples that candidates are compared on: enough to tell them apart by one per cent of the error.
 _SAMPLES = 8_000
-# Times that a candidate is fitted, each without another share of the parts.
-_FOLDS = 4
+# The same where every usable value counts alike: for the relative error of each candidate.
+_EVEN_SAMPLES = 4_000
+# The last level of recipes whose columns the mixture has: recipes beyond refine what these can only mix.
+_MIXED_LEVEL = 2
+# The simplest models of all are compared in any case.
+_FIRST_END = 1
+# χ² that a mixture's many columns take from the noise, in units of the residuals: about one for each that counts.
+_MIXTURE_FREEDOM = 60.0
+# A model that a grid shows to be this many times worse than the best one on it is not refined.
+_HOPELESS_RATIO = 30.0
 # Fewer images than this: bands of images are left out instead.
 _MIN_IMAGES = 3
-# Horizontal bands of an image, so that one image gives every fold a part.
+# Horizontal bands of an image, so that one image gives every fit a part to leave out.
 _BANDS = 4
-# Standard errors over the parts by which a bigger model has to be better, so that it is not by chance.
-_STANDARD_ERRORS = 2.0
-# Share of the error by which it has to be better in any case.
-_LEAST_GAIN = 0.01
-# Mean squared error of single values, in units of the noise. A model with a smaller one holds, and replaces one that
-# does not.
-_HOLDS = 1.1
-# Largest squared error of a single value in that mean, in units of the noise: outliers count no more.
-_LARGEST_SQUARE = 16.0
-# Squared relative errors below this are rounding.
-_LEAST_ERROR = 1e-12
 
 
-@dataclass(frozen=True)
-class _Trial:
-    """Prediction of one candidate.
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """The candidates that were tried, and the best of them.
 
     Attributes:
-        expression: of the model.
-        errors: squared error of every part when it was left out, relative to its signal.
-        misfit: the same in units of the noise, all parts together; single values count no more than `_LARGEST_SQUARE`.
-        by_chance: standard deviation of that where the model holds.
-        relative_rmse: error of all parts when they were left out, every usable value counting alike.
+        best: the smallest candidate that no later one beats.
+        trials: in the order of the recipes.
+        reasons: why each one was chosen or not.
+        unit: what was left out in turn, "image" or "band".
+        mixture_error: of single values, in units of the noise, for a free mixture of the columns of all candidates.
+        unfit: expressions of the recipes that could not be tried.
+        relative: whether the strength of the lights is unknown, which no metal without diffuse light can take up.
     """
 
-    expression: str
-    errors: np.ndarray
-    misfit: float
-    by_chance: float
-    relative_rmse: float
+    best: Trial
+    trials: Sequence[Trial]
+    reasons: Sequence[str]
+    unit: str
+    mixture_error: float
+    unfit: Sequence[str]
+    relative: bool
 
     @property
-    def holds(self) -> bool:
-        """Whether what was left out is met to the noise."""
-        return self.misfit < _HOLDS + 5 * self.by_chance
+    def candidates(self) -> list[Candidate]:
+        """The record of the comparison."""
+        return [
+            Candidate(trial.recipe.expression, trial.score, trial.relative_rmse, reason.format(unit=self.unit))
+            for trial, reason in zip(self.trials, self.reasons, strict=True)
+        ]
 
     @property
-    def score(self) -> float:
-        return math.sqrt(float(self.errors.mean()))
+    def unsupported(self) -> list[str]:
+        """Components that candidates have and the best one does without."""
+        tried = {component for trial in self.trials for component in trial.recipe.components}
+        return [component.value for component in Component if component in tried - self.best.recipe.components]
 
 
-def select(samples: Samples, options: Options, progress: Progress = silent) -> tuple[str, list[Candidate]]:
-    """The smallest candidate that no other one beats, and the record of the comparison.
+@dataclass(frozen=True, eq=False)
+class _Pilot:
+    """Samples that candidates are compared on.
 
-    Candidates that lack a constrained parameter are not tried.
+    Attributes:
+        tile: most of the information; the labels of its groups are the parts.
+        even: every usable value counts alike; labels likewise.
+        parts: number of parts.
+        unit: what a part is.
+    """
+
+    tile: Tile
+    even: Batch
+    parts: int
+    unit: str
+
+
+def select(samples: Samples, options: Options, progress: Progress = silent) -> Selection:
+    """Fit candidates level by level to a pilot, until one explains what any mixture of their columns does.
+
+    Candidates that lack a constrained parameter, or anything that could take up an unknown scale of the lights, are not
+    tried.
 
     Raises:
         InputError: no candidate has the constrained parameters.
     """
     problems = _problems(samples, options)
-    pilot = samples.pilot(_SAMPLES, options.seed)
-    parts, even = _parts(pilot), _parts(_even(samples, pilot, options.seed))
-    unit = "image" if len(parts) == samples.groups.images else "band"
-    candidates: list[Candidate] = []
-    best: _Trial | None = None
-    for expression, problem in problems.items():
-        progress(f"trying {expression}")
-        trial = _tried(expression, problem, parts, even)
-        wins, verdict = _verdict(trial, best)
-        candidates.append(Candidate(expression, trial.score, trial.relative_rmse, verdict.format(unit=unit)))
-        if wins:
-            best = trial
-    assert best is not None
-    return best.expression, candidates
+    progress("searching")
+    with single_threaded_torch():
+        pilot = _pilot(samples, options.seed)
+        first = {recipe: problem for recipe, problem in problems.items() if recipe.level <= _MIXED_LEVEL} or problems
+        with torch.no_grad():
+            field = Field([*first.values()], pilot.tile)
+            mixture = field.mixture(pilot.tile)
+        trials: list[Trial] = []
+        for level, group in itertools.groupby(problems, lambda recipe: recipe.level):
+            if not _is_needed(level, trials, mixture, options):
+                continue
+            recipes = [*group]
+            if recipes[0] not in first:
+                first = {recipe: problems[recipe] for recipe in recipes}
+                with torch.no_grad():
+                    field = Field([*first.values()], pilot.tile, mixture.squares)
+            trials += _compete(recipes, [*first], field, mixture, pilot, progress)
+    best, reasons = judge_trials(trials)
+    mixture_error = math.sqrt(mixture.cost / max(mixture.values, 1))
+    unfit = [recipe.expression for recipe in RECIPES if recipe not in problems]
+    return Selection(best, trials, reasons, pilot.unit, mixture_error, unfit, samples.relative)
 
 
-def _problems(samples: Samples, options: Options) -> dict[str, Problem]:
-    """The problem of every candidate that has the constrained parameters, by its expression.
+def _problems(samples: Samples, options: Options) -> dict[Recipe, Problem]:
+    """The problem of every candidate that has the constrained parameters.
 
     Raises:
         InputError: none has them.
     """
-    problems: dict[str, Problem] = {}
-    for expression in CANDIDATES:
+    problems: dict[Recipe, Problem] = {}
+    for recipe in RECIPES:
         with contextlib.suppress(InputError):
-            problems[expression] = specify_unknowns(
-                expression, options, channels=samples.channels, relative=samples.relative, scene=samples
+            problems[recipe] = specify_unknowns(
+                recipe.expression, options, channels=samples.channels, relative=samples.relative, scene=samples
             ).problem
     if not problems:
         names = ", ".join([*options.fix, *options.free, *options.tie])
@@ -123,66 +148,62 @@ def _problems(samples: Samples, options: Options) -> dict[str, Problem]:
     return problems
 
 
-def _tried(expression: str, problem: Problem, parts: Sequence[Batch], even: Sequence[Batch]) -> _Trial:
-    """Predict every part from the parts of the other folds.
+def _compete(
+    recipes: Sequence[Recipe],
+    members: Sequence[Recipe],
+    field: Field,
+    mixture: Mixture,
+    pilot: _Pilot,
+    progress: Progress,
+) -> list[Trial]:
+    """Fit some of the candidates that a field has; those that their grids show to be hopeless only roughly."""
+    searches = {recipe: field.search(members.index(recipe)) for recipe in recipes}
+    lowest = min(field.cost(search) for search in searches.values())
+    trials = []
+    for recipe, search in searches.items():
+        progress(f"trying {recipe.expression}")
+        hopeless = field.cost(search) > _HOPELESS_RATIO * lowest
+        left_out = leave_out(
+            search.problem, mixture.tile, search.starts(1)[0], mixture.residual_scale, pilot.parts, not hopeless
+        )
+        trials.append(Trial(recipe, left_out, mixture.values, left_out.relative_rmse(pilot.even)))
+    return trials
 
-    Args:
-        expression: of the candidate.
-        problem: of the candidate.
-        parts: samples that carry most of the information.
-        even: samples of the same parts in which every usable value counts alike.
-    """
-    errors, in_noise, sums = np.empty(len(parts)), [], np.zeros(2)
-    for fold in range(min(_FOLDS, len(parts))):
-        held_out = range(fold, len(parts), _FOLDS)
-        solution = fit_batches(problem, [part for k, part in enumerate(parts) if k not in held_out])
-        for k in held_out:
-            radiance = predict_radiance(solution.problem, solution.unknowns, parts[k])
-            errors[k] = _error(radiance, parts[k])
-            in_noise.append(_in_noise(radiance, parts[k]))
-            even_radiance = predict_radiance(solution.problem, solution.unknowns, even[k])
-            sums += squared_errors(even_radiance, even[k].radiance, even[k].noise)
-    squares = torch.cat(in_noise)
-    relative_rmse = math.sqrt(sums[0] / sums[1]) if sums[1] > 0 else 0.0
-    return _Trial(expression, errors, float(squares.mean()), math.sqrt(2 / max(squares.numel(), 1)), relative_rmse)
+
+def _is_needed(level: int, trials: Sequence[Trial], mixture: Mixture, options: Options) -> bool:
+    """Whether models of a level may be better than those tried."""
+    if level == DISTRIBUTIONS:
+        return options.model == AUTO_ANY_DISTRIBUTION or not any(trial.holds for trial in trials)
+    return level <= _FIRST_END or not any(_explains(trial, mixture) for trial in trials)
+
+
+def _explains(trial: Trial, mixture: Mixture) -> bool:
+    """Whether a model comes as close as the mixture, but for what the freedom of that takes from the noise."""
+    scale = max(mixture.cost / max(mixture.values, 1), 1.0)
+    return trial.left_out.cost - mixture.cost < _MIXTURE_FREEDOM * scale
+
+
+def _pilot(samples: Samples, seed: int) -> _Pilot:
+    pilot = samples.pilot(_SAMPLES, seed)
+    parts, even = _parts(pilot), _parts(_even(samples, pilot, seed))
+    unit = "image" if len(parts) == samples.groups.images else "band"
+    return _Pilot(Tile(join(_labelled(parts)), cache={}), join(_labelled(even)), len(parts), unit)
+
+
+def _labelled(parts: Sequence[Batch]) -> list[Batch]:
+    """The same batches with their positions as the labels of their groups."""
+    return [
+        replace(part, groups=torch.full((len(part),), position, dtype=torch.int64))
+        for position, part in enumerate(parts)
+    ]
 
 
 def _even(samples: Samples, pilot: Sequence[Batch], seed: int) -> list[Batch]:
     """A sample in which every usable value counts alike, one batch per image of the pilot."""
-    batch = next(iter(samples.batches(_SAMPLES, shuffle=True, seed=seed)))
+    batch = next(iter(samples.batches(_EVEN_SAMPLES, shuffle=True, seed=seed)))
     images = samples.groups.image_of(batch)
     wanted = [int(samples.groups.image_of(part)[0]) for part in pilot]
     return [batch[(images == image).nonzero()[:, 0]] for image in wanted]
-
-
-def _verdict(trial: _Trial, best: _Trial | None) -> tuple[bool, str]:
-    """Whether a trial replaces the best one so far, and why."""
-    if best is None:
-        return True, "the simplest model tried"
-    # By what factor each part's error falls: parts differ in how much they show, not in which model is better.
-    gains = 0.5 * np.log(np.maximum(best.errors, _LEAST_ERROR) / np.maximum(trial.errors, _LEAST_ERROR))
-    gain, spread = float(gains.mean()), float(gains.std(ddof=1)) / math.sqrt(len(gains))
-    share = 1 - math.exp(-gain)
-    if trial.holds and not best.holds:
-        return True, f"meets {{unit}}s left out to their noise, which {best.expression} does not"
-    if gain > _STANDARD_ERRORS * spread and share > _LEAST_GAIN:
-        return True, f"predicts {{unit}}s left out better than {best.expression}: error typically {share:.0%} smaller"
-    if share > 0:
-        return False, f"not clearly better than {best.expression}: error typically {share:.1%} smaller, within chance"
-    return False, f"predicts {{unit}}s left out no better than {best.expression}"
-
-
-def _error(predicted: Tensor, batch: Batch) -> float:
-    # What is dark says nothing of any model.
-    signal = float(batch.radiance.square().mean())
-    return float((predicted - batch.radiance).square().mean()) / signal if signal > 0 else 1.0
-
-
-def _in_noise(predicted: Tensor, batch: Batch) -> Tensor:
-    """Squared errors of single values in units of the noise, those of saturated ones left out."""
-    squares = ((batch.radiance - predicted).square() / batch.variance(predicted)).clamp(max=_LARGEST_SQUARE)
-    clipped = batch.noise.clipped
-    return (squares if clipped is None else squares[clipped == 0]).flatten()
 
 
 def _parts(batches: list[Batch]) -> list[Batch]:

@@ -44,7 +44,7 @@ class Context:
         specification: what was to be estimated.
         solution, posterior: the result of the fit.
         precision: relative standard error that the user asked for; None: no such wish.
-        untried: models that `auto` did not try, since they lack a parameter that the user spoke of.
+        selection: what is to be said of the choice of the model.
     """
 
     samples: AccountedSamples
@@ -52,7 +52,7 @@ class Context:
     solution: Solution
     posterior: Posterior
     precision: float | None
-    untried: Sequence[str] = ()
+    selection: Sequence[str] = ()
 
     @property
     def account(self) -> Account:
@@ -86,18 +86,12 @@ class Context:
 
 def warnings(context: Context) -> list[str]:
     """The sentences of all rules that apply to an estimate."""
-    return [warning for rule in RULES for warning in rule(context)]
+    return [*context.selection, *(warning for rule in RULES for warning in rule(context))]
 
 
 def _relative_radiometry(context: Context) -> Iterator[str]:
     if context.samples.relative:
         yield "The common scale of the lights is unknown (relative radiometry): albedo is reported up to that scale."
-
-
-def _untried_models(context: Context) -> Iterator[str]:
-    if context.untried:
-        models = ", ".join(context.untried)
-        yield f"Not tried, since they lack a parameter that was fixed, freed or tied: {models}."
 
 
 def _held_by_default(context: Context) -> Iterator[str]:
@@ -255,7 +249,6 @@ def _imprecise(context: Context) -> Iterator[str]:
 # In the order of the sentences.
 RULES: tuple[Callable[[Context], Iterator[str]], ...] = (
     _relative_radiometry,
-    _untried_models,
     _held_by_default,
     _f0_too_low,
     _assumed_optics,

@@ -12,6 +12,8 @@ from matest.estimators.unknowns import Problem
 
 # Projected Newton steps; a linear model needs one, products of amplitudes settle to rounding well before this.
 _NEWTON_STEPS = 20
+# Change of every amplitude below which the steps have settled; amplitudes are of the order of 1.
+_SETTLED = 1e-12
 # Amplitude that the steps start from: the middle of an albedo's domain.
 _FIRST_AMPLITUDE = 0.5
 # Added to the scaled Hessian, whose diagonal is 1: keeps it regular, and is far above rounding.
@@ -47,7 +49,9 @@ def amplitudes(
         gradient = (dg.mT @ (moment - (gram @ g[..., None])[..., 0])[..., None])[..., 0]
         hessian = dg.mT @ gram @ dg
         active = ((a <= lower) & (gradient < 0)) | ((a >= upper) & (gradient > 0))
-        a = (a + _newton_step(hessian, gradient, active)).clamp(lower, upper)
+        before, a = a, (a + _newton_step(hessian, gradient, active)).clamp(lower, upper)
+        if float((a - before).abs().amax()) < _SETTLED:
+            break
     g, _ = _coefficients(problem, products, names, constants, a)
     cost = (g * ((gram @ g[..., None])[..., 0] - 2 * moment)).sum((-1, -2))
     return a, cost

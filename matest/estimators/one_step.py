@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import torch
@@ -35,15 +36,19 @@ def expand_likelihood(problem: Problem, tiles: list[Tile], unknowns: Tensor) -> 
     """
     model = radiance_model(problem, unknowns)
     with torch.no_grad():
-        references = [model(tile) for tile in tiles]
-        problems = [tile.about(radiance) for tile, radiance in zip(tiles, references, strict=True)]
-        deviations = [
-            ((tile.batch.radiance - radiance).abs() / tile.batch.variance(radiance).sqrt())[one.plain]
-            for tile, radiance, one in zip(tiles, references, problems, strict=True)
-        ]
-        residual_scale = _residual_scale(torch.cat(deviations).double())
-        if residual_scale > 1:
-            problems = [tile.about(radiance, residual_scale) for tile, radiance in zip(tiles, references, strict=True)]
+        return expand_about([model(tile) for tile in tiles], tiles)
+
+
+def expand_about(references: Sequence[Tensor], tiles: Sequence[Tile]) -> tuple[float, list[Tile]]:
+    """The residual scale, and the tiles with the likelihood expanded about a radiance [n, C] of each."""
+    problems = [tile.about(radiance) for tile, radiance in zip(tiles, references, strict=True)]
+    deviations = [
+        ((tile.batch.radiance - radiance).abs() / tile.batch.variance(radiance).sqrt())[one.plain]
+        for tile, radiance, one in zip(tiles, references, problems, strict=True)
+    ]
+    residual_scale = _residual_scale(torch.cat(deviations).double())
+    if residual_scale > 1:
+        problems = [tile.about(radiance, residual_scale) for tile, radiance in zip(tiles, references, strict=True)]
     return residual_scale, [replace(tile, least_squares=one) for tile, one in zip(tiles, problems, strict=True)]
 
 

@@ -38,6 +38,10 @@ _LOG_END = 0.95
 _BRIGHTEST_ALBEDOS = (0.2, 0.6, 0.95)
 
 
+# Factors of the T terms of a problem, their Gram matrices [G, C, T, T] and their moments [G, C, T] at G nodes.
+Normal = tuple[list[Product], Tensor, Tensor]
+
+
 @dataclass(frozen=True)
 class Search:
     """Amplitudes and cost at every node of a grid over the shape parameters.
@@ -89,10 +93,24 @@ def search(problem: Problem, batches: list[Batch], compressed: ColumnStatistics 
     nodes = [_grid(problem, name, count) for name in problem.shapes]
     points = [_with_shapes(problem, combination) for combination in itertools.product(*nodes)]
     if compressed is None:
-        factors, gram, moment = normal_equations(problem, batches, points)
-    else:
-        factors, gram, moment = _from_column_statistics(problem, compressed, points)
+        return solve_nodes(problem, nodes, normal_equations(problem, batches, points))
+    return solve_nodes(problem, nodes, _from_column_statistics(problem, compressed, points))
 
+
+def shape_nodes(problem: Problem, count: int) -> dict[str, list[float]]:
+    """`count` nodes of each shape parameter of a problem, by path."""
+    return {name: _grid(problem, name, count) for name in problem.shapes}
+
+
+def solve_nodes(problem: Problem, nodes: list[list[float]], normal: Normal) -> Search:
+    """The amplitudes at every combination of nodes, in the order of `itertools.product`.
+
+    Args:
+        problem: what is estimated.
+        nodes: of each shape parameter.
+        normal: equations at every combination.
+    """
+    factors, gram, moment = normal
     trials: list[dict[str, Tensor]] = [{}]
     if problem.gauges:
         no_gauge = {name: torch.zeros(len(gram), 1, dtype=torch.float64) for name in problem.gauges}
@@ -110,9 +128,6 @@ def search(problem: Problem, batches: list[Batch], compressed: ColumnStatistics 
         gauges={name: torch.stack([trial[name] for trial in trials])[best, pick] for name in problem.gauges},
         cost=torch.stack([cost for _, cost, _ in results])[best, pick],
     )
-
-
-Normal = tuple[list[Product], Tensor, Tensor]
 
 
 def normal_equations(

@@ -6,116 +6,155 @@ import math
 
 import pytest
 
-from matest.brdf import Brdf, CookTorrance, Lambert, OrenNayar
-from matest.estimation import selection
+from matest.brdf import Brdf, CookTorrance, Lambert, LiTorrance, OrenNayar, TorranceSparrow
 from matest.estimation.estimate import estimate
 from matest.estimation.options import Options
-from matest.estimation.result import Candidate
-from matest.estimation.selection import CANDIDATES, select
+from matest.estimation.recipes import DISTRIBUTIONS, RECIPES
+from matest.estimation.selection import Selection, select
 from matest.photographs.noise import Noise
 from tests.captures import directional, refusal
 from tests.simulated import Studio
 
 
-def selected(material: Brdf, options: Options | None = None, images: int = 3) -> tuple[str, list[Candidate], list[str]]:
-    """The chosen expression, the record of the comparison, and what was said meanwhile."""
+def selected(material: Brdf, options: Options | None = None, images: int = 6) -> tuple[Selection, list[str]]:
+    """What was selected, and what was said meanwhile."""
     samples = Studio(size=48, lights=Studio().lights[-images:]).photograph(material, seed=1).samples()
     said: list[str] = []
-    expression, candidates = select(samples, options or Options(), said.append)
-    return expression, candidates, said
+    return select(samples, options or Options(), said.append), said
+
+
+def name(selection: Selection) -> str:
+    return selection.best.recipe.expression
 
 
 def test_lambertian_images_support_lambert_and_nothing_more() -> None:
-    expression, candidates, said = selected(Lambert(0.6))
-    assert expression == "lambert"
-    assert [candidate.model for candidate in candidates] == list(CANDIDATES)
-    assert said == [f"trying {name}" for name in CANDIDATES]
-    assert candidates[0].reason == "the simplest model tried"
-    assert all("lambert" in candidate.reason for candidate in candidates[1:])
+    selection, said = selected(Lambert(0.6))
+    assert name(selection) == "lambert"
+    # No mixture of the columns of all candidates does better: larger ones need not be tried.
+    tried = [recipe.expression for recipe in RECIPES if recipe.level <= 1]
+    assert [candidate.model for candidate in selection.candidates] == tried
+    assert said == ["searching", *(f"trying {expression}" for expression in tried)]
+    assert selection.candidates[0].reason == "the simplest model tried"
+    assert all("lambert" in candidate.reason for candidate in selection.candidates[1:])
+    assert selection.unsupported == ["rough body", "metal"]
 
 
-def test_rough_diffuse_images_support_oren_nayar() -> None:
-    expression, candidates, _ = selected(OrenNayar(0.8, 0.6))
-    assert expression == "oren-nayar"
-    errors = {candidate.model: candidate.relative_rmse for candidate in candidates}
-    assert errors["oren-nayar"] < 0.8 * errors["lambert"]
-    reasons = {candidate.model: candidate.reason for candidate in candidates}
-    assert reasons["oren-nayar"] == "meets images left out to their noise, which oren-nayar-qualitative does not"
+MATERIALS: dict[str, Brdf] = {
+    "oren-nayar": OrenNayar(0.8, 0.6),
+    "cook-torrance": CookTorrance(0.3, 0.8, 0.2),
+    "cook-torrance(fresnel=schlick,diffuse=0)": CookTorrance(0.0, 1.0, 0.3, 0.6, fresnel="schlick"),
+    "cook-torrance(lobes=2,fresnel=schlick,diffuse=0)": CookTorrance(
+        0.0, 1.0, 0.1, 0.6, slope_2=0.4, weight_2=0.6, lobes="2", fresnel="schlick"
+    ),
+    "oren-nayar+torrance-sparrow": OrenNayar(0.7, 0.35) + TorranceSparrow(0.05, 0.35),
+    "li-torrance": LiTorrance(k_dd=0.3, k_uds=0.9, height_rms=1.0, correlation_length=10.0, f0=0.04),
+}
+
+
+@pytest.mark.parametrize("expression", MATERIALS)
+def test_images_of_a_material_support_its_model(expression: str) -> None:
+    selection, _ = selected(MATERIALS[expression])
+    assert name(selection) == expression
+    assert selection.best.holds
 
 
 def test_a_highlight_in_some_bands_of_the_only_image_is_not_called_chance() -> None:
     # Three of four bands say nothing of it; but without it the image is not met to its noise.
     only = tuple((directional(towards, 3.0),) for towards in [(0, 0, 1)])
     samples = Studio(size=64, lights=only).photograph(CookTorrance(0.4, 0.8, 0.15), seed=1).samples()
-    expression, candidates = select(samples, Options())
-    assert expression == "cook-torrance"
-    reasons = {candidate.model: candidate.reason for candidate in candidates}
+    selection = select(samples, Options())
+    assert name(selection) == "cook-torrance"
+    reasons = {candidate.model: candidate.reason for candidate in selection.candidates}
     assert reasons["cook-torrance"] == "meets bands left out to their noise, which lambert does not"
 
 
-def test_a_model_that_predicts_every_image_better_is_not_called_chance(monkeypatch: pytest.MonkeyPatch) -> None:
-    # How much better differs between images by more than its mean: the light that grazes shows the most.
-    monkeypatch.setattr(selection, "CANDIDATES", ("oren-nayar-qualitative", "oren-nayar"))
-    samples = Studio(size=32, noise=Noise(0.002, 2e-5)).photograph(OrenNayar(0.8, 0.6), seed=1).samples()
-    expression, candidates = select(samples, Options())
-    assert candidates[1].score < 0.3 * candidates[0].score
-    assert expression == "oren-nayar"
-
-
-def test_glossy_images_support_a_lobe() -> None:
-    expression, _, _ = selected(CookTorrance(0.3, 0.8, 0.2))
-    assert expression == "cook-torrance"
+def test_components_that_the_images_do_not_show_are_not_refined() -> None:
+    # A metal without diffuse light is off by far on any grid.
+    selection, _ = selected(OrenNayar(0.8, 0.6))
+    metal = next(trial for trial in selection.trials if "diffuse=0" in trial.recipe.expression)
+    assert metal.score > 5 * selection.best.score
 
 
 def test_a_dark_image_says_nothing_of_any_model() -> None:
     lights = (*Studio().lights[-3:], (directional((0.1, 0.1, 0.98), 0.0),))
     capture = Studio(size=48, lights=lights).photograph(OrenNayar(0.8, 0.6))
-    expression, candidates = select(capture.samples(), Options())
-    assert expression == "oren-nayar"
-    assert all(math.isfinite(candidate.score) for candidate in candidates)
+    selection = select(capture.samples(), Options())
+    assert name(selection) == "oren-nayar"
+    assert all(math.isfinite(candidate.score) for candidate in selection.candidates)
 
 
-def test_few_images_are_compared_on_bands_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(selection, "CANDIDATES", CANDIDATES[:3])
-    expression, candidates, _ = selected(OrenNayar(0.8, 0.6), images=2)
-    assert expression == "oren-nayar"
-    assert any("bands left out" in candidate.reason for candidate in candidates)
+def test_few_images_are_compared_on_bands_of_them() -> None:
+    selection, _ = selected(OrenNayar(0.8, 0.6), images=2)
+    assert name(selection) == "oren-nayar"
+    assert selection.unit == "band"
+    assert any("bands left out" in candidate.reason for candidate in selection.candidates)
 
 
 @pytest.mark.parametrize(
-    ("options", "eligible"),
+    ("options", "words"),
     [
-        (Options(fix={"slope": 0.2}), CANDIDATES[3::2]),
-        (Options(fix={"interreflection": 0.0, "specular": 0.1}), CANDIDATES[4:]),
-        (Options(tie={"torrance-sparrow.sigma": "oren-nayar.sigma"}), CANDIDATES[4:5]),
+        (Options(fix={"slope": 0.2}), ("cook-torrance",)),
+        (Options(fix={"interreflection": 0.0, "specular": 0.1}), ("oren-nayar+",)),
+        (Options(tie={"torrance-sparrow.sigma": "oren-nayar.sigma"}), ("oren-nayar+torrance-sparrow",)),
     ],
 )
-def test_only_models_with_the_constrained_parameters_are_tried(options: Options, eligible: list[str]) -> None:
-    _, candidates, _ = selected(Lambert(0.6), options)
-    assert [candidate.model for candidate in candidates] == list(eligible)
+def test_only_models_with_the_constrained_parameters_are_tried(options: Options, words: tuple[str, ...]) -> None:
+    selection, _ = selected(CookTorrance(0.3, 0.8, 0.2), options)
+    models = [candidate.model for candidate in selection.candidates]
+    assert models
+    assert all(any(word in model for word in words) for model in models)
 
 
 def test_a_bare_name_that_only_some_candidates_read_without_doubt_is_no_error() -> None:
     # `sigma` names one parameter of Oren-Nayar, and two of its sum with Torrance-Sparrow.
-    expression, _, _ = selected(OrenNayar(0.8, 0.6), Options(fix={"sigma": 0.6}))
-    assert expression == "oren-nayar"
+    selection, _ = selected(OrenNayar(0.8, 0.6), Options(fix={"sigma": 0.6}))
+    assert name(selection) == "oren-nayar"
 
 
 def test_constraints_that_no_candidate_has_are_refused() -> None:
-    message = refusal(lambda: selected(Lambert(0.5), Options(fix={"correlation_length": 1.0})))
-    assert "correlation_length" in message
+    message = refusal(lambda: selected(Lambert(0.5), Options(fix={"sheen": 1.0})))
+    assert "sheen" in message
     assert "--model" in message
 
 
 def test_the_same_seed_selects_the_same_model_with_the_same_scores() -> None:
-    options = Options(fix={"slope": 0.2})
-    first, second = (selected(OrenNayar(0.6, 0.5), options) for _ in range(2))
-    assert first[0] == second[0]
-    assert [c.score for c in first[1]] == pytest.approx([c.score for c in second[1]], rel=1e-6)
+    first, second = (selected(OrenNayar(0.6, 0.5))[0] for _ in range(2))
+    assert name(first) == name(second)
+    assert [c.score for c in first.candidates] == pytest.approx([c.score for c in second.candidates], rel=1e-6)
 
 
-def test_lobes_that_the_images_do_not_support_are_told() -> None:
-    found = estimate(Studio(size=32).photograph(Lambert(0.6), seed=3))
-    assert found.model == "lambert"
-    assert found.skipped["components"] == ["cook-torrance", "torrance-sparrow"]
-    assert estimate(Studio(size=32).photograph(Lambert(0.6), seed=3), "lambert").skipped["components"] == []
+def test_an_automatic_estimate_is_that_of_the_model_it_names() -> None:
+    capture = Studio(size=32).photograph(MATERIALS["cook-torrance(fresnel=schlick,diffuse=0)"], seed=3)
+    automatic = estimate(capture)
+    named = estimate(capture, automatic.model)
+    assert automatic.model == "cook-torrance(fresnel=schlick,diffuse=0)"
+    assert automatic.parameters == named.parameters
+    assert automatic.skipped["components"] == ["body", "rough body"]
+    assert named.skipped["components"] == []
+
+
+def test_models_beyond_the_first_levels_are_tried_only_where_no_mixture_of_these_would_do() -> None:
+    selection, _ = selected(MATERIALS["cook-torrance(lobes=2,fresnel=schlick,diffuse=0)"])
+    beyond = [recipe.expression for recipe in RECIPES if recipe.level < DISTRIBUTIONS]
+    assert [candidate.model for candidate in selection.candidates] == beyond
+
+
+GGX = CookTorrance(0.3, 0.8, 0.2, distribution="ggx", masking="smith")
+
+
+def test_another_slope_distribution_is_tried_where_no_model_holds() -> None:
+    quiet = Studio(size=64, noise=Noise(2e-4, 1e-6))
+    selection = select(quiet.photograph(GGX, seed=1).samples(), Options())
+    assert name(selection) == "cook-torrance(distribution=ggx,masking=smith)"
+
+
+def test_another_slope_distribution_is_tried_on_request() -> None:
+    asked, _ = selected(CookTorrance(0.3, 0.8, 0.2), Options(model="auto(distribution=any)"))
+    assert name(asked) == "cook-torrance"
+    assert any("ggx" in candidate.model for candidate in asked.candidates)
+    unasked, _ = selected(CookTorrance(0.3, 0.8, 0.2))
+    assert not any("ggx" in candidate.model for candidate in unasked.candidates)
+
+
+def test_another_choice_of_auto_is_refused() -> None:
+    assert "auto(distribution=any)" in refusal(lambda: Options(model="auto(lobes=2)"))

@@ -1,0 +1,101 @@
+"""When one model predicts what was left out better than another one: by more than chance, and by enough."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from torch import Tensor
+
+from matest.brdf import Brdf
+from matest.estimation.recipes import Recipe
+from matest.estimators.leave_out import LeftOut
+
+# χ² by which a bigger model has to be better, in units of the residuals: noise alone lets no model win by so much.
+_LEAST_GAIN = 12.0
+# Standard errors over the parts by which it has to be better, so that it is not by chance.
+_STANDARD_ERRORS = 2.0
+# Share of the squared error by which it has to be better: one per cent of the error.
+_LEAST_SHARE = 0.02
+# Instead, the share of the squared error beyond the noise: a small part of a model can be seen under much noise.
+_LEAST_SHARE_BEYOND_NOISE = 0.2
+# χ² per value of a model that describes the samples, with room for noise that was estimated from the photographs.
+_DESCRIBED_CHI2 = 1.1
+# Squared errors relative to the noise below this are rounding.
+_LEAST_ERROR = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A candidate fitted to the pilot.
+
+    Attributes:
+        recipe: of the candidate.
+        left_out: its fit, and its error on what was left out.
+        values: number of values.
+        relative_rmse: error of all parts when they were left out, every usable value counting alike.
+    """
+
+    recipe: Recipe
+    left_out: LeftOut
+    values: int
+    relative_rmse: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether the model meets the samples to their noise."""
+        return self.left_out.reduced_chi2 < _DESCRIBED_CHI2 + 5 * math.sqrt(2 / max(self.values, 1))
+
+    @property
+    def cost(self) -> float:
+        """Squared error of all parts when they were left out, in units of the noise."""
+        return float(self.left_out.costs.sum())
+
+    @property
+    def score(self) -> float:
+        """Error of single values left out, in units of the noise."""
+        return math.sqrt(self.cost / max(self.values, 1))
+
+    @property
+    def material(self) -> Brdf:
+        """The model at the optimum of the pilot."""
+        return self.left_out.problem.material(self.left_out.unknowns)
+
+
+def judge_trials(trials: Sequence[Trial]) -> tuple[Trial, list[str]]:
+    """The smallest trial that no later one beats, and the reason why each one was chosen or not; `{unit}` is a part."""
+    best, reasons = trials[0], ["the simplest model tried"]
+    for trial in trials[1:]:
+        name, share = best.recipe.expression, 1 - trial.score / max(best.score, _LEAST_ERROR)
+        if share <= 0:
+            reasons.append(f"predicts {{unit}}s left out no better than {name}")
+        elif not is_better(trial, best):
+            reasons.append(f"not clearly better than {name}: its error is {share:.1%} smaller, within chance")
+        elif trial.holds and not best.holds:
+            reasons.append(f"meets {{unit}}s left out to their noise, which {name} does not")
+        else:
+            reasons.append(f"predicts {{unit}}s left out better than {name}: its error is {share:.1%} smaller")
+        best = trial if share > 0 and is_better(trial, best) else best
+    return best, reasons
+
+
+def is_better(trial: Trial, other: Trial) -> bool:
+    """Whether a trial predicts what was left out better than another one, by more than chance and by enough."""
+    gain, beyond_noise = other.cost - trial.cost, max(other.cost - other.values, 0.0)
+    if gain < _LEAST_GAIN * max(trial.score, 1.0) ** 2:
+        return False
+    if gain < _LEAST_SHARE * other.cost and gain < _LEAST_SHARE_BEYOND_NOISE * beyond_noise:
+        return False
+    # Where the model holds, noise is the only chance there is.
+    return trial.holds or _is_consistent(other.left_out.costs, trial.left_out.costs)
+
+
+def _is_consistent(before: Tensor, after: Tensor) -> bool:
+    """Whether errors of the parts fall by more than chance, by like amounts or by like factors."""
+    amounts = before - after
+    factors = before.clamp(min=_LEAST_ERROR).log() - after.clamp(min=_LEAST_ERROR).log()
+    return any(
+        float(gains.mean()) > _STANDARD_ERRORS * float(gains.std()) / math.sqrt(len(gains))
+        for gains in (amounts, factors)
+    )

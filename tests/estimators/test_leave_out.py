@@ -1,0 +1,83 @@
+"""The error at samples left out of a fit, from the sums of a single one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from matest.brdf import Brdf, CookTorrance, OrenNayar
+from matest.estimation.options import Options
+from matest.estimation.specification import specify_unknowns
+from matest.estimators import Problem
+from matest.estimators.leave_out import LeftOut, leave_out
+from matest.estimators.levenberg_marquardt import minimise
+from matest.estimators.passes import passes_over, predict_radiance
+from matest.samples import Batch, Tile
+from matest.samples.batch import join
+from matest.samples.tiles import in_memory
+from tests.simulated import Studio
+
+TRUTH: dict[str, Brdf] = {"oren-nayar": OrenNayar(0.7, 0.5), "cook-torrance": CookTorrance(0.3, 0.8, 0.25)}
+
+
+def parts_of(material: Brdf) -> list[Batch]:
+    parts = Studio(size=48).photograph(material, seed=1).samples().pilot(3000, 0)
+    return [replace(part, groups=torch.full((len(part),), k)) for k, part in enumerate(parts)]
+
+
+def fitted(expression: str, parts: list[Batch]) -> tuple[Problem, Tile, LeftOut]:
+    problem = specify_unknowns(expression, Options(), channels=1, relative=False).problem
+    tile = Tile(join(parts), cache={})
+    truth = problem.unknowns_at(TRUTH[expression].parameters)
+    reference = predict_radiance(problem, truth, tile.batch)
+    tile = replace(tile, least_squares=tile.about(reference))
+    return problem, tile, leave_out(problem, tile, 1.05 * truth, 1.0, len(parts))
+
+
+@pytest.mark.parametrize("expression", TRUTH)
+def test_leaving_out_by_subtraction_is_leaving_out_by_a_fit(expression: str) -> None:
+    parts = parts_of(TRUTH[expression])
+    problem, tile, left_out = fitted(expression, parts)
+    assert tile.least_squares is not None
+    start = 0
+    for k, part in enumerate(parts):
+        rows = slice(start, start + len(part))
+        start += len(part)
+        others = torch.ones(len(tile), dtype=torch.bool)
+        others[rows] = False
+        squares = tile.least_squares._replace(weight=tile.least_squares.weight * others[:, None])
+        remaining = replace(tile, least_squares=squares, cache=None)
+        evaluate = passes_over(problem, in_memory([remaining]), left_out.unknowns, None, 1.0)
+        unknowns = minimise(problem, left_out.unknowns, evaluate, passes=30, tolerance=1e-3).unknowns
+        residual = tile.least_squares.response[rows] - predict_radiance(problem, unknowns, part)
+        expected = float((tile.least_squares.weight[rows] * residual.square()).sum())
+        assert float(left_out.costs[k]) == pytest.approx(expected, rel=2e-3)
+
+
+@pytest.mark.parametrize("expression", TRUTH)
+def test_parts_left_out_of_a_model_that_holds_are_met_to_the_noise(expression: str) -> None:
+    parts = parts_of(TRUTH[expression])
+    _, tile, left_out = fitted(expression, parts)
+    assert float(left_out.costs.sum()) > left_out.cost
+    assert float(left_out.costs.sum()) / tile.batch.radiance.numel() == pytest.approx(1, abs=0.1)
+
+
+def test_the_relative_error_is_that_of_each_part_without_it() -> None:
+    parts = parts_of(TRUTH["oren-nayar"])
+    problem, tile, left_out = fitted("oren-nayar", parts)
+    residual, signal = 0.0, 0.0
+    for k, part in enumerate(parts):
+        radiance = predict_radiance(problem, left_out.unknowns + left_out.moves[k], part)
+        residual += float((part.radiance - radiance).double().square().sum())
+        signal += float(part.radiance.double().square().sum())
+    assert left_out.relative_rmse(tile.batch) == pytest.approx((residual / signal) ** 0.5, rel=1e-4)
+
+
+def test_without_refinement_the_fit_stays_at_its_start() -> None:
+    parts = parts_of(TRUTH["oren-nayar"])
+    problem, tile, left_out = fitted("oren-nayar", parts)
+    rough = leave_out(problem, tile, 1.05 * left_out.unknowns, 1.0, len(parts), refine=False)
+    torch.testing.assert_close(rough.unknowns, 1.05 * left_out.unknowns)
+    assert rough.cost > left_out.cost
