@@ -36,9 +36,8 @@ def sentences(selection: Selection) -> Iterator[str]:
     yield from (_equivalent(best, rival) for rival in equivalents(best, selection.trials))
     if selection.unfit:
         scale = ", or take up the unknown strength of the lights" if selection.relative else ""
-        yield (
-            f"Not tried, since they lack a parameter that was fixed, freed or tied{scale}: {', '.join(selection.unfit)}."
-        )
+        models = ", ".join(selection.unfit)
+        yield f"Not tried, since they lack a parameter that was fixed, freed or tied{scale}: {models}."
 
 
 def equivalents(best: Trial, trials: Sequence[Trial]) -> list[Trial]:
