@@ -81,6 +81,26 @@ def test_images_of_different_kinds_are_refused(folder, other):
     assert "float32" in message
 
 
+@pytest.mark.parametrize("odd", [0, 1, 3])
+@pytest.mark.parametrize(
+    ("other", "says"),
+    [
+        (np.ones((*SHAPE, 3), np.uint16), "got 3 channel(s) of uint16"),
+        (np.ones(SHAPE, np.float32), "got 1 channel(s) of float32"),
+        (np.ones((*SMALL, 3), np.float32), "×".join(map(str, SMALL))),
+    ],
+)
+def test_the_image_that_differs_from_most_is_the_one_that_is_named(folder, other, says, odd):
+    table = folder.tables["image"][0]
+    folder.tables["image"] = [{**table, "file": f"{k}.npy"} for k in range(4)]
+    for k in range(4):
+        folder.put(f"{k}.npy", other if k == odd else np.ones((*SHAPE, 3), np.float32))
+    message = refusal(folder.load)
+    assert message.startswith(f"{folder.path / f'{odd}.npy'}: ")
+    assert says in message
+    assert " and 2 more" in message
+
+
 def test_a_mask_of_another_size_is_refused(folder):
     folder.put("mask.png", np.full(SMALL, 255, np.uint8))
     message = refusal(folder.load)
