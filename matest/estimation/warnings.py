@@ -236,6 +236,11 @@ def _estimated_noise(context: Context) -> Iterator[str]:
         yield context.account.noise
 
 
+def _codes_in_steps(context: Context) -> Iterator[str]:
+    if context.account.codes:
+        yield context.account.codes
+
+
 def _imprecise(context: Context) -> Iterator[str]:
     """All samples together do not give the precision that the user asked for."""
     parameters, precision = context.parameters, context.precision
@@ -274,6 +279,7 @@ RULES: tuple[Callable[[Context], Iterator[str]], ...] = (
     _too_few_pixels,
     _clipping,
     _estimated_noise,
+    _codes_in_steps,
     _imprecise,
 )
 

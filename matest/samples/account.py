@@ -26,6 +26,7 @@ class Account:
         one_light_each: whether every image has one light, and no sky.
         geometry: what did not have to be computed of light and shape, as clauses.
         noise: how the noise was estimated, as a sentence; empty where it is stated.
+        codes: how far apart stored codes are, as a sentence; empty where they are neighbouring integers.
         clipping: where values pile up below the stated saturation, as a sentence; empty where they do not.
     """
 
@@ -40,6 +41,7 @@ class Account:
     one_light_each: bool = False
     geometry: Sequence[str] = ()
     noise: str = ""
+    codes: str = ""
     clipping: str = ""
 
 

@@ -14,6 +14,7 @@ from matest.estimation.result import Estimate
 from matest.estimation.specification import specify
 from matest.estimation.warnings import RULES, Context, warnings
 from matest.inference.quantities import ParameterEstimate
+from matest.photographs.photometry import Encoding
 from tests.captures import changed, directional
 from tests.inference.judged import judged
 from tests.simulated import DIRECTIONS, Studio
@@ -126,6 +127,18 @@ def test_noise_that_was_estimated_is_told() -> None:
     capture = changed(STUDIO.photograph(Lambert(0.6), 0), noise_stated=False)
     found = matest.estimate(capture, "lambert")
     assert found.warnings[-1] == "Noise was estimated from the images: read 0.002, gain 0.0005 of full scale."
+
+
+def test_codes_in_steps_are_told_beside_the_noise_that_includes_their_rounding() -> None:
+    codes = (73 * np.round(image * 65535 / 73) for image in STUDIO.photograph(Lambert(0.6), 0).photographs.stored)
+    stored = tuple(image.clip(0, 65535).astype(np.uint16) for image in codes)
+    for stated in (False, True):
+        capture = changed(
+            STUDIO.photograph(Lambert(0.6), 0), stored=stored, encoding=Encoding(step=73.0), noise_stated=stated
+        )
+        assert matest.estimate(capture, "lambert").warnings[-1] == (
+            "Stored codes come in steps of 73: the read noise includes their rounding, 0.00032 of full scale."
+        )
 
 
 def test_a_precision_that_was_not_reached_is_told_last() -> None:
