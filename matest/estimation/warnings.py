@@ -31,6 +31,8 @@ _SPOILT_CHI2 = 1.5
 _MET_CHI2 = 1.1
 # or below this share of χ² per value with it: a model that fits no image does not gain that much from leaving one out.
 _SPOILT_SHARE = 0.1
+# Values for every unknown below which error bars are uncertain themselves: with more, by at most 1/√60 = 13 %.
+_FEW_VALUES = 30
 # With fewer images the others do not tell which one is odd.
 _MIN_IMAGES = 3
 
@@ -226,6 +228,15 @@ def _too_few_pixels(context: Context) -> Iterator[str]:
         yield "There are too few pixels for error bars that allow for the misfit of the model."
 
 
+def _few_values(context: Context) -> Iterator[str]:
+    values, unknowns = int(context.solution.statistics.total("values")), len(context.solution.unknowns)
+    if values < _FEW_VALUES * unknowns:
+        yield (
+            f"There are only {values} values for {unknowns} unknown{'s' * (unknowns != 1)}: error bars from so few are "
+            "uncertain."
+        )
+
+
 def _clipping(context: Context) -> Iterator[str]:
     if context.account.clipping:
         yield context.account.clipping
@@ -277,6 +288,7 @@ RULES: tuple[Callable[[Context], Iterator[str]], ...] = (
     _not_determined,
     _lobes_not_seen,
     _too_few_pixels,
+    _few_values,
     _clipping,
     _estimated_noise,
     _codes_in_steps,

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
 import matest
 from matest.brdf import Brdf, CookTorrance, Lambert, OrenNayar
@@ -16,7 +17,7 @@ from matest.estimation.warnings import RULES, Context, warnings
 from matest.inference.quantities import ParameterEstimate
 from matest.photographs.photometry import Encoding
 from tests.captures import changed, directional
-from tests.inference.judged import judged
+from tests.inference.judged import judged, solved
 from tests.simulated import DIRECTIONS, Studio
 
 STUDIO = Studio(size=24)
@@ -168,6 +169,13 @@ def test_too_few_pixels_for_error_bars_that_allow_for_the_misfit_are_told(contex
     assert told(context, bars=bars) == [
         "There are too few pixels for error bars that allow for the misfit of the model."
     ]
+
+
+@pytest.mark.parametrize(("values", "warns"), [(59, True), (60, False)])
+def test_few_values_are_told_to_give_uncertain_error_bars(context: Context, values: int, warns: bool) -> None:
+    solution = solved(torch.zeros(1, 2), values=values)
+    sentence = f"There are only {values} values for 2 unknowns: error bars from so few are uncertain."
+    assert (sentence in warnings(replace(context, solution=solution))) == warns
 
 
 def test_channels_that_are_not_determined_are_named(context: Context) -> None:
