@@ -83,7 +83,7 @@ def _errors(estimate: Estimate) -> str:
         sentence += f" ({trimmed} without {values} left out as {'an outlier' if left_out == 1 else 'outliers'})"
     sentence += f", {fit.samples_used:,} of {fit.samples:,} samples"
     if saturated := estimate.skipped.get("samples", {}).get("saturated", 0):
-        sentence += f" and {saturated:,} saturated ones"
+        sentence += f" and {saturated:,} with a saturated channel"
     if estimate.holdout:
         sentence += f", {share(estimate.holdout['relative_rmse'])} on the images left out"
     return sentence + "."
