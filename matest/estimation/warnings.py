@@ -228,6 +228,21 @@ def _too_few_pixels(context: Context) -> Iterator[str]:
         yield "There are too few pixels for error bars that allow for the misfit of the model."
 
 
+def _averaged_slopes(context: Context) -> Iterator[str]:
+    """Photographs average over the slopes of the surface within a pixel, which add up with those of the facets."""
+    for name, parameter in context.parameters.items():
+        declared = context.solution.problem.brdf.declared.get(name)
+        if declared is None or declared.role is not Role.SLOPE or parameter.status != "determined":
+            continue
+        for value, std in _numbers(parameter):
+            excess = 0.5 * context.account.slope_variance / value if value else 0.0
+            if std and excess > std:
+                yield (
+                    f"{name} may be too large by {excess:.2g}, {excess / std:.2g} standard errors: a pixel averages "
+                    "over a part of the surface and is shaded as its centre. Let the object fill more pixels."
+                )
+
+
 def _few_values(context: Context) -> Iterator[str]:
     values, unknowns = int(context.solution.statistics.total("values")), len(context.solution.unknowns)
     if values < _FEW_VALUES * unknowns:
@@ -287,6 +302,7 @@ RULES: tuple[Callable[[Context], Iterator[str]], ...] = (
     _seen_together,
     _not_determined,
     _lobes_not_seen,
+    _averaged_slopes,
     _too_few_pixels,
     _few_values,
     _clipping,

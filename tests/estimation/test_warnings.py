@@ -16,6 +16,8 @@ from matest.estimation.specification import specify
 from matest.estimation.warnings import RULES, Context, warnings
 from matest.inference.quantities import ParameterEstimate
 from matest.photographs.photometry import Encoding
+from matest.scene import Scene
+from matest.shading import render
 from tests.captures import changed, directional
 from tests.inference.judged import judged, solved
 from tests.simulated import DIRECTIONS, Studio
@@ -169,6 +171,29 @@ def test_too_few_pixels_for_error_bars_that_allow_for_the_misfit_are_told(contex
     assert told(context, bars=bars) == [
         "There are too few pixels for error bars that allow for the misfit of the model."
     ]
+
+
+def averaged(scene: Scene, material: Brdf) -> np.ndarray:
+    """Radiance [K, N, C] of a small sphere's pixels, each the mean of 8×8 points of it."""
+    fine = replace(STUDIO, size=8 * STUDIO.size).scene
+    images = render(fine, material, dtype=torch.float64).numpy()
+    mean = images.reshape(len(images), STUDIO.size, 8, STUDIO.size, 8, -1).mean(axis=(2, 4))
+    return mean.reshape(len(images), -1, mean.shape[-1])[:, scene.surface.pixels]
+
+
+@pytest.mark.parametrize("slope", [0.1, 0.15])
+def test_a_slope_that_pixels_average_is_told_with_its_excess(slope: float) -> None:
+    material = CookTorrance(0.2, 0.8, slope)
+    exposed = STUDIO.expose(averaged(STUDIO.scene, material), None)
+    found = matest.estimate(exposed, "cook-torrance", fix={"f0": 0.04})
+    (said,) = [warning for warning in found.warnings if "a pixel averages" in warning]
+    excess = float(said.split("too large by ")[1].split(",")[0])
+    assert found.parameters["slope"].value - slope == pytest.approx(excess, rel=0.2)  # type: ignore[operator]
+
+
+def test_a_slope_that_pixels_hardly_widen_is_not_told() -> None:
+    found = photographed(CookTorrance(0.2, 0.8, 0.5), "cook-torrance", fix={"f0": 0.04})
+    assert not any("a pixel averages" in warning for warning in found.warnings)
 
 
 @pytest.mark.parametrize(("values", "warns"), [(59, True), (60, False)])
