@@ -72,6 +72,7 @@ class Role(Enum):
     NONE = "nothing beside that"
     BODY = "albedo of a diffuse part, held at 0 beside a diffuse model"
     FRESNEL = "reflectance at normal incidence, seen as a product with the strength of the highlight"
+    SLOPE = "rms slope of facets about the surface, whose own slope varies within a pixel"
     GAUGE = "tied to the unknown common light scale: 1 when radiometry is absolute, unknown when it is relative"
     WAVELENGTH = "wavelength of each channel in µm, which the camera gives"
     SOLID_ANGLE = "solid angle of the lights in sr, which they give"

@@ -9,6 +9,10 @@ import numpy as np
 from matest.errors import InputError
 
 Line = tuple[float, float, float, float]
+# Share of the pixels of an image that are not brighter than its peak: highlights do not count.
+_PEAK = 0.99
+# Share of the peak from which on a pixel is bright: the ratio of darker ones may be that of two black levels.
+_BRIGHT = 0.25
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,15 @@ def cross_section(image: np.ndarray, line: Line) -> np.ndarray:
     x0, y0, x1, y1 = line
     plane = image if image.ndim == 2 else image.mean(axis=2)
     return profile_line(plane, (y0, x0), (y1, x1), order=1, mode="constant")
+
+
+def ratio_of_bright(image: np.ndarray, reference: np.ndarray) -> float | None:
+    """The ratio of the medians of two images H×W×C over the pixels where both are bright; None where none are."""
+    planes = [one.mean(axis=2) for one in (image, reference)]
+    bright = np.logical_and(*(plane > _BRIGHT * np.quantile(plane, _PEAK) for plane in planes))
+    if not bright.any():
+        return None
+    return float(np.median(planes[0][bright]) / np.median(planes[1][bright]))
 
 
 def compare(images: list[np.ndarray], names: list[str], line: Line) -> Comparison:

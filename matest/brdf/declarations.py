@@ -34,7 +34,7 @@ def interreflection() -> Any:
 
 def slope(doc: str, default: float, **kind: Any) -> Any:
     """Rms slope of a distribution of facets."""
-    return parameter(interval(1e-3, 1), unit="1", doc=doc, default=default, log=True, **kind)
+    return parameter(interval(1e-3, 1), unit="1", doc=doc, default=default, log=True, role=Role.SLOPE, **kind)
 
 
 def exponent() -> Any:

@@ -15,7 +15,7 @@ from matest.capture.description import Description
 from matest.capture.geometry import check_size, visible_surface
 from matest.capture.schema import ImageTable, LightTable
 from matest.errors import Fault, InputError, refuse
-from matest.photographs.images import LARGEST, read_image
+from matest.photographs.images import LARGEST, full_scale, read_image
 from matest.photographs.noise import Noise
 from matest.photographs.photographs import Photographs
 from matest.photographs.photometry import Encoding
@@ -26,6 +26,8 @@ from matest.scene.surface import Surface
 
 # Saturation of integer images that do not state theirs, fraction of full scale: many cameras clip a little below it.
 _SATURATION = 0.98
+# Smallest saturation that is suggested, fraction of full scale: cameras that fill their codes clip above it.
+_LOWEST_SATURATION = 0.5
 # Wavelengths of light that a camera may have, µm: values in nm lie far above them.
 _WAVELENGTHS = (0.1, 20.0)
 
@@ -125,7 +127,7 @@ def _saturation(description: Description, images: ImageFormat) -> float | tuple[
     """Stored value from which on the sensor is saturated, one or one per channel; None: never.
 
     Raises:
-        InputError: another number of values.
+        InputError: another number of values, or one that no integer reaches.
     """
     stated = description.tables.encoding.saturation
     if stated is None:
@@ -136,7 +138,20 @@ def _saturation(description: Description, images: ImageFormat) -> float | tuple[
             f"{description.file}: encoding.saturation must be one number or {images.channels} (one per channel of the "
             f"images); got {stated}."
         )
+    if images.dtype.kind == "u" and (highest := max(values)) > 1:
+        raise InputError(
+            f"{description.file}: encoding.saturation is a fraction of full scale, which no integer exceeds; got "
+            f"{highest:g}; {_meant(highest, full_scale(images.dtype))}"
+        )
     return tuple(values) if len(values) > 1 else values[0]
+
+
+def _meant(saturation: float, top: float) -> str:
+    """A clause with the fraction of full scale that a number above 1 may stand for: a percentage, or a code."""
+    for unit in (100, top):
+        if _LOWEST_SATURATION <= saturation / unit <= 1:
+            return f"did you mean {saturation / unit:.2g}?"
+    return "give at most 1."
 
 
 def _encoding(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -13,11 +14,11 @@ import numpy as np
 import torch
 
 from matest.capture import schema
-from matest.capture.assembly import ImageFormat, realise
-from matest.capture.description import capture_file, describe
+from matest.capture.assembly import ImageFormat, Setup, realise
+from matest.capture.description import Description, capture_file, describe
 from matest.capture.digests import digested
 from matest.errors import InputError
-from matest.photographs.images import ImageFile, read_image_file
+from matest.photographs.images import ImageFile, read_image, read_image_file
 from matest.photographs.photographs import Photographs
 from matest.photographs.samples import PhotographSamples
 from matest.photographs.sensor import sensor_of
@@ -130,7 +131,7 @@ def load_capture(
         first = read_image_file(paths[0])
     references = [Path(os.path.normpath(description.folder / name)) for _, name in description.references]
     with _time(timing, "geometry"), digested(references, sums):
-        setup = realise(description, ImageFormat.of(first.pixels), transfer=transfer)
+        setup = _setup(description, paths, first, transfer)
     with _time(timing, "read"):
         stored, notes = _decode(paths, first, setup.scene.surface.pixels, sums, progress)
     with _time(timing, "noise"):
@@ -146,6 +147,24 @@ def load_capture(
         sums={file: sums[file] for file in (*paths, description.file, *others)},
         timing=timing,
     )
+
+
+def _setup(
+    description: Description[schema.CaptureFile], paths: list[Path], first: ImageFile, transfer: str | float | None
+) -> Setup:
+    """Everything about the photographs except their pixels, which are in the format of the first.
+
+    Raises:
+        InputError: the description does not fit this format, or the first image is unlike the others.
+    """
+    images = ImageFormat.of(first.pixels)
+    try:
+        return realise(description, images, transfer=transfer)
+    except InputError:
+        # A mask, say, that does not fit the first image may fit all others.
+        if len(paths) > 1 and ImageFormat.of(read_image(paths[1])) != images:
+            raise _odd_image(paths) from None
+        raise
 
 
 @contextmanager
@@ -169,28 +188,37 @@ def _decode(
     def pixels_of(image: np.ndarray) -> np.ndarray:
         return storage.keep(image.reshape(-1, image.shape[2])[pixels])
 
-    def load(path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
+    def load(path: Path) -> tuple[np.ndarray, tuple[str, ...]] | None:
         with digested([path], sums):
             file = read_image_file(path)
         image = file.pixels
-        if image.shape[:2] != first.shape[:2]:
-            raise InputError(
-                f"{path}: expected the size of the first image, {paths[0].name} ({first.shape[0]}×{first.shape[1]}); "
-                f"got {image.shape[0]}×{image.shape[1]}. All images of a capture have one size."
-            )
-        if image.shape[2] != first.shape[2] or image.dtype != first.dtype:
-            raise InputError(
-                f"{path}: expected {first.shape[2]} channel(s) of {first.dtype} like {paths[0].name}; got "
-                f"{image.shape[2]} of {image.dtype}. Convert the images to one kind."
-            )
-        return pixels_of(image), file.notes
+        return (pixels_of(image), file.notes) if ImageFormat.of(image) == ImageFormat.of(first) else None
 
     stored, notes = [pixels_of(first)], [first_file.notes]
-    for count, (of_image, notes_of_image) in enumerate(in_threads(load, paths[1:]), start=2):
-        stored.append(of_image)
-        notes.append(notes_of_image)
+    for count, loaded in enumerate(in_threads(load, paths[1:]), start=2):
+        if loaded is None:
+            raise _odd_image(paths)
+        stored.append(loaded[0])
+        notes.append(loaded[1])
         progress("reading images", count, len(paths))
     return tuple(stored), notes
+
+
+def _odd_image(paths: list[Path]) -> InputError:
+    """What is wrong with the first image that is not of the format of most."""
+    formats = [ImageFormat.of(image) for image in in_threads(read_image, paths)]
+    usual, _ = Counter(formats).most_common(1)[0]
+    path, odd = next((path, one) for path, one in zip(paths, formats, strict=True) if one != usual)
+    like = paths[formats.index(usual)].name
+    if formats.count(usual) > 1:
+        like += f" and {formats.count(usual) - 1} more"
+    if odd.shape != usual.shape:
+        sizes = ["×".join(map(str, one.shape)) for one in (usual, odd)]
+        sentence = f"expected the size of {like}, {sizes[0]}; got {sizes[1]}. All images of a capture have one size."
+    else:
+        kinds = [f"{one.channels} channel(s) of {one.dtype}" for one in (usual, odd)]
+        sentence = f"expected {kinds[0]} like {like}; got {kinds[1]}. Convert the images to one kind."
+    return InputError(f"{path}: {sentence}")
 
 
 def _sentences(names: Sequence[str], notes: Sequence[tuple[str, ...]]) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -28,7 +29,8 @@ def compare(
 ) -> None:
     """Compare images along a cross-section.
 
-    Prints rms and maximum difference in brightness from the first image; writes a plot and a CSV file.
+    Prints rms and maximum difference in brightness from the first image; writes a plot and a CSV file. Floats count as
+    they are, integers as fractions of full scale: radiance that a capture stores with a scale is not brought back.
     """
     from matest import profiles
     from matest.photographs.images import read_image
@@ -40,7 +42,8 @@ def compare(
     stem = out.with_suffix("") if out.suffix in (".png", ".csv") else out
     plot, table = Path(f"{stem}.png"), Path(f"{stem}.csv")
     keep_inputs((plot, table), images)
-    pixels = [_as_fractions(read_image(path)) for path in images]
+    stored = [read_image(path) for path in images]
+    pixels = [_as_fractions(image) for image in stored]
     height, width = pixels[0].shape[:2]
     section = profiles.middle_row((height, width))
     if sum(option is not None for option in (row, column, line)) > 1:
@@ -52,6 +55,7 @@ def compare(
     elif line is not None:
         section = arguments.line(line)
     comparison = profiles.compare(pixels, _distinct(images), section)
+    notes = list(_scale_notes(stored, pixels, comparison.names))
     out.parent.mkdir(parents=True, exist_ok=True)
     plot_profiles(comparison, plot)
     curves = zip(comparison.names, comparison.profiles, strict=True)
@@ -59,11 +63,11 @@ def compare(
     if as_json:
         figures = zip(comparison.names, comparison.rms, comparison.maximum, comparison.peak, strict=True)
         rows = [{"image": n, "rms": r, "maximum": m, "peak": p} for n, r, m, p in figures]
-        print_json({"plot": str(plot), "csv": str(table), "images": rows})
+        print_json({"plot": str(plot), "csv": str(table), "images": rows, "notes": notes})
         return
     from matest.report.tables import comparison_table
 
-    console().print(comparison_table(comparison), f"Written to {plot} and {table}")
+    console().print(comparison_table(comparison, notes), f"Written to {plot} and {table}")
 
 
 def _as_fractions(image: Any) -> Any:
@@ -73,6 +77,22 @@ def _as_fractions(image: Any) -> Any:
     from matest.photographs.images import full_scale
 
     return image.astype(np.float64) / full_scale(image.dtype)
+
+
+def _scale_notes(stored: Sequence[Any], pixels: Sequence[Any], names: Sequence[str]) -> Iterator[str]:
+    """Sentences on the scales of integers and floats that are compared, one for each image unlike the first."""
+    from matest.profiles import ratio_of_bright
+
+    for image, fractions, name in zip(stored, pixels, names, strict=True):
+        if (image.dtype.kind == "u") == (stored[0].dtype.kind == "u"):
+            continue
+        ratio = ratio_of_bright(fractions, pixels[0])
+        measure = f" Where both are bright, the median of {name} is {ratio:.3g} times the other's." if ratio else ""
+        integers, floats = (name, names[0]) if image.dtype.kind == "u" else (names[0], name)
+        yield (
+            f"{integers} holds integers, fractions of full scale, and {floats} floats, such as radiance: they differ "
+            f"by the scale and the transfer of the codes too.{measure}"
+        )
 
 
 def _distinct(paths: list[Path]) -> list[str]:

@@ -24,9 +24,10 @@ class Fit:
         rmse: root mean square residual, radiance.
         relative_rmse: rmse over the rms radiance, of all usable values: saturated ones count where the model lies
             below the clip, outliers count.
-        relative_rmse_trimmed: the same without outliers.
+        relative_rmse_trimmed: the same without outliers; where there are none, the very same.
         reduced_chi2: sum of squared residuals in units of the noise variance, per degree of freedom.
-        samples: usable samples (pixels of all images); saturated ones come on top, as lower bounds of their radiance.
+        samples: usable samples (pixels of all images); those with a saturated channel come on top, its value as a lower
+            bound of the radiance.
         samples_used: usable samples that the final pass read.
         outliers: share of the values left out because they lie too far from the model.
         values_left_out: number of these values.

@@ -31,6 +31,8 @@ _SPOILT_CHI2 = 1.5
 _MET_CHI2 = 1.1
 # or below this share of χ² per value with it: a model that fits no image does not gain that much from leaving one out.
 _SPOILT_SHARE = 0.1
+# Values for every unknown below which error bars are uncertain themselves: with more, by at most 1/√60 = 13 %.
+_FEW_VALUES = 30
 # With fewer images the others do not tell which one is odd.
 _MIN_IMAGES = 3
 
@@ -220,6 +222,30 @@ def _too_few_pixels(context: Context) -> Iterator[str]:
         yield "There are too few pixels for error bars that allow for the misfit of the model."
 
 
+def _averaged_slopes(context: Context) -> Iterator[str]:
+    """Photographs average over the slopes of the surface within a pixel, which add up with those of the facets."""
+    for name, parameter in context.parameters.items():
+        declared = context.solution.problem.brdf.declared.get(name)
+        if declared is None or declared.role is not Role.SLOPE or parameter.status != "determined":
+            continue
+        for value, std in _numbers(parameter):
+            excess = 0.5 * context.account.slope_variance / value if value else 0.0
+            if std and excess > std:
+                yield (
+                    f"{name} may be too large by {excess:.2g}, {excess / std:.2g} standard errors: a pixel averages "
+                    "over a part of the surface and is shaded as its centre. Let the object fill more pixels."
+                )
+
+
+def _few_values(context: Context) -> Iterator[str]:
+    values, unknowns = int(context.solution.statistics.total("values")), len(context.solution.unknowns)
+    if values < _FEW_VALUES * unknowns:
+        yield (
+            f"There are only {values} values for {unknowns} unknown{'s' * (unknowns != 1)}: error bars from so few are "
+            "uncertain."
+        )
+
+
 def _clipping(context: Context) -> Iterator[str]:
     if context.account.clipping:
         yield context.account.clipping
@@ -228,6 +254,11 @@ def _clipping(context: Context) -> Iterator[str]:
 def _estimated_noise(context: Context) -> Iterator[str]:
     if context.account.noise:
         yield context.account.noise
+
+
+def _codes_in_steps(context: Context) -> Iterator[str]:
+    if context.account.codes:
+        yield context.account.codes
 
 
 def _imprecise(context: Context) -> Iterator[str]:
@@ -264,9 +295,12 @@ RULES: tuple[Callable[[Context], Iterator[str]], ...] = (
     _seen_together,
     _not_determined,
     _lobes_not_seen,
+    _averaged_slopes,
     _too_few_pixels,
+    _few_values,
     _clipping,
     _estimated_noise,
+    _codes_in_steps,
     _imprecise,
 )
 

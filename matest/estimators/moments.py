@@ -19,7 +19,7 @@ from matest.samples.likelihood import LeastSquares
 # outliers: number of plain values of weight 0.
 # usable: number of all values, except clipped ones where the model too lies beyond the end of the sensor's range.
 # squared_residual, squared_signal: rᵀr and yᵀy of the usable values.
-# trimmed_residual, trimmed_signal: rᵀr and yᵀy of the values of `chi2`.
+# trimmed_residual, trimmed_signal: rᵀr and yᵀy of the usable values without the outliers.
 # samples: number of samples.
 # evaluated: number of points that the model was evaluated at.
 SCORES = (
@@ -142,16 +142,19 @@ def _score_rows(problem: LeastSquares, residual: Tensor) -> Tensor:
         counted |= means.pixels == 0
     chi2 = cost
     usable = plain = values = cost.new_full((), residual.shape[1]).expand(len(cost))
-    every = trimmed = (squared @ ones, signal @ ones)
     if not bool(counted.all()):
-        trimmed, chi2 = ((squared * counted) @ ones, (signal * counted) @ ones), (weighted * counted) @ ones
+        chi2 = (weighted * counted) @ ones
         plain, values = problem.plain.to(cost) @ ones, counted.to(cost) @ ones
     if problem.errors is not None:
         model, (measured, counts) = problem.response - residual, problem.errors
         # Merged samples are never clipped: no scatter is added to a clipped value.
         squared = torch.where(measured == problem.response, squared, (measured - model).square())
         signal = torch.where(measured == problem.response, signal, measured.square())
-        usable, every = counts.to(cost) @ ones, ((squared * counts) @ ones, (signal * counts) @ ones)
+        usable, squared, signal = counts.to(cost) @ ones, squared * counts, signal * counts
+    every = trimmed = (squared @ ones, signal @ ones)
+    if bool((plain > values).any()):
+        inliers = counted | ~problem.plain
+        trimmed = ((squared * inliers) @ ones, (signal * inliers) @ ones)
     # Each sample counts for as many pixels as it stands for.
     rows = torch.stack([values, plain - values, usable, *every, *trimmed, torch.ones_like(cost)])
     return torch.cat([cost[None], chi2[None], rows if means is None else rows * means.pixels[:, 0]])

@@ -98,7 +98,7 @@ class Statistics:
 
     @property
     def relative_rmse_trimmed(self) -> float:
-        """The same without outliers and values near the ends of the sensor's range."""
+        """The same without outliers."""
         return self._relative("trimmed")
 
     def _relative(self, kind: str) -> float:

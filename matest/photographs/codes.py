@@ -70,7 +70,7 @@ class Clipping:
 
     Attributes:
         levels: the stored value at which each channel clips; None for one that does not.
-        count: values at these levels, in all images.
+        count: values at these levels, in all images: of every channel, and of the object's rim and shadows too.
     """
 
     levels: tuple[float | None, ...]
@@ -83,8 +83,9 @@ class Clipping:
         if len({*self.levels}) == 1:
             levels = f"{self.levels[0]:.5g}"
         return (
-            f"{self.count:,} values pile up at the highest stored level ({levels}), below full scale: they count as "
-            "saturated there. If the sensor does not clip at it, state encoding.saturation."
+            f"{self.count:,} values of single channels, of the object's rim too, pile up at the highest stored level "
+            f"({levels}), below full scale: they count as saturated there. If the sensor does not clip at it, state "
+            "encoding.saturation."
         )
 
 

@@ -62,9 +62,10 @@ def read_image_file(path: Path) -> ImageFile:
     usable = np.abs(image) < LARGEST if image.dtype.kind == "f" else np.array(True)
     if not usable.all():
         count = int((~usable).any(axis=2).sum())
+        number, them = ("1 pixel holds", "it") if count == 1 else (f"{count:,} pixels hold", "them")
         raise InputError(
-            f"{path}: expected values below {LARGEST:g}; {count} pixels are larger, infinite or NaN. Mask them out by "
-            "replacing them with 0 and excluding them in the mask."
+            f"{path}: expected numbers below {LARGEST:g}; {number} NaN, infinity or larger ones. Set {them} to 0 in "
+            f"the file and leave {them} out of the mask."
         )
     return ImageFile(pixels, coverage, raster.notes)
 

@@ -10,7 +10,9 @@ import torch
 from torch import Tensor
 
 from matest.parameters import Role
-from matest.photographs.noise import Noise
+from matest.photographs.averaging import slope_variance
+from matest.photographs.noise import Noise, quantisation
+from matest.photographs.photometry import Encoding
 from matest.photographs.pilot import pilot
 from matest.photographs.pixels import BLOCKS, LitPixels
 from matest.photographs.tiles import ImageTiles
@@ -62,6 +64,7 @@ class PhotographSamples(LitPixels):
     def account(self) -> Account:
         """Facts about these samples for tables and reports."""
         photographs, scene = self.photographs, self.photographs.scene
+        encoding = photographs.encoding
         sky = bool((scene.ambient > 0).any())
         return Account(
             names=photographs.names,
@@ -73,8 +76,10 @@ class PhotographSamples(LitPixels):
             pixels=scene.surface.shape[0] * scene.surface.shape[1],
             coverage=scene.surface.coverage,
             one_light_each=self._one_light_each,
+            slope_variance=slope_variance(scene.surface),
             geometry=[*_unneeded_shadows(scene.surface), *([] if sky else ["ambient light: there is none"])],
             noise="" if photographs.noise_stated else _estimated(photographs.noise),
+            codes="" if encoding.step == 1 else _stretched(encoding, photographs.stored[0].dtype),
             clipping="" if photographs.clipping is None else photographs.clipping.sentence,
         )
 
@@ -120,6 +125,15 @@ def _estimated(noise: Noise) -> str:
         for value, std in ((noise.read, noise.read_std), (noise.gain, noise.gain_std))
     )
     return f"Noise was estimated from the images: read {read}, gain {gain} of full scale."
+
+
+def _stretched(encoding: Encoding, codes: np.dtype) -> str:
+    """How far apart stored codes are, and what that does to the noise, as a sentence."""
+    rounding = quantisation(encoding, codes)
+    return (
+        f"Stored codes come in steps of {encoding.step:.3g}: the read noise includes their rounding, "
+        f"{rounding:.2g} of full scale."
+    )
 
 
 def _unneeded_shadows(surface: Surface) -> list[str]:

@@ -26,6 +26,8 @@ def check_report(check: Check) -> Group:
 
 def _predictions(check: Check) -> Table:
     """The predicted error bars."""
+    several = any(isinstance(prediction.value, list) for prediction in check.parameters.values())
+    coloured = "; errors are those of the least known channel" if several else ""
     # Values of several channels, and ranges, go to a second line where the table would not fit.
     table = plain_table(
         Column("parameter", no_wrap=True),
@@ -33,11 +35,11 @@ def _predictions(check: Check) -> Table:
         Column("standard error", no_wrap=True),
         Column("relative (range)" if check.levels else "relative", min_width=8),
         Column("status", no_wrap=True),
-        title=f"{check.capture}: {check.model}",
+        title=f"{check.capture}: {check.model}{coloured}",
     )
 
     def rows_of(label: str, prediction: Prediction) -> list[tuple[str, ...]]:
-        error = _error(_least_known(prediction), prediction.unit)
+        error = _error(_least_known(prediction.value, prediction.std), prediction.unit)
         return [(label, _value(prediction), error, _relative(prediction), prediction.status)]
 
     add_parameters(table, check.parameters, rows_of)
@@ -63,22 +65,27 @@ def _light(check: Check) -> list[Text | Table]:
     if light is None:
         return [Text("No further distant light would lower the largest relative error.")]
     brings: list[Text | Table] = [_direction(light), _with_light(check, light)]
-    return [*brings, _freed(light)] if light.frees else brings
+    return [*brings, _freed(check, light)] if light.frees else brings
 
 
 def _with_light(check: Check, light: LightAdvice) -> Table:
     """Error bars without and with the light."""
     table = plain_table(*(Column(name, no_wrap=True) for name in ("parameter", "error now", "with it", "smaller by")))
     for name, std in light.std.items():
-        gain, now = light.gain[name], check.parameters[name]
-        change = "becomes determined" if name in light.resolves else "-" if gain is None else f"{gain:.3g} ×"
-        table.add_row(name, _error(now.std, now.unit), _error(std, now.unit), change)
+        prediction = check.parameters[name]
+        now, then = (_least_known(prediction.value, number) for number in (prediction.std, std))
+        change = f"{now / then:.3g} ×" if now and then else "-"
+        if name in light.resolves:
+            change = "becomes determined"
+        table.add_row(name, _error(now, prediction.unit), _error(then, prediction.unit), change)
     return table
 
 
-def _freed(light: LightAdvice) -> Text:
+def _freed(check: Check, light: LightAdvice) -> Text:
     """The parameters that the light lets `estimate` free."""
-    errors = [f"{name} ± {std:.2g}" for name, number in light.freed.items() if (std := _largest(number)) is not None]
+    values = {name: prediction.value for name, prediction in check.parameters.items()}
+    stds = {name: _least_known(values.get(name), number) for name, number in light.freed.items()}
+    errors = [f"{name} ± {std:.2g}" for name, std in stds.items() if std is not None]
     fixes = " ".join(f"--fix {name}=VALUE" for name in light.frees)
     return Text(
         f"With it {' and '.join(light.frees)} will be estimated too, no longer taken for granted: {', '.join(errors)}. "
@@ -104,36 +111,30 @@ def _direction(light: LightAdvice) -> Text:
 def _value(prediction: Prediction) -> str:
     """The value that a prediction is for, each different one of its channels once."""
     unit = "" if prediction.unit == "1" else f" {prediction.unit}"
-    if _largest(prediction.value) is None:
-        return "-"
     values = prediction.value if isinstance(prediction.value, list) else [prediction.value]
+    if None in values:
+        return "-"
     text = ", ".join(f"{value:.3g}" for value in dict.fromkeys(values)) + unit
     return text + f"\n{math.degrees(values[0] or 0):.1f}°" if prediction.unit == "rad" else text
 
 
-def _least_known(prediction: Prediction) -> Number:
-    """The standard error of the channel whose relative error is the largest, which the table gives beside it."""
-    value, std = prediction.value, prediction.std
-    if not isinstance(value, list) or not isinstance(std, list) or _largest(std) is None or _largest(value) is None:
-        return std
-    return max(zip(value, std, strict=True), key=lambda pair: (pair[1] or 0.0) / max(abs(pair[0] or 0.0), 1e-300))[1]
+def _least_known(value: Number, std: Number) -> float | None:
+    """The standard error of the channel whose relative error is the largest; None where a channel has no number."""
+    errors = std if isinstance(std, list) else [std]
+    values = value if isinstance(value, list) else [value] * len(errors)
+    known = [(one, error) for one, error in zip(values, errors, strict=True) if one is not None and error is not None]
+    if len(known) < len(errors):
+        return None
+    return max(known, key=lambda pair: pair[1] / max(abs(pair[0]), 1e-300))[1]
 
 
-def _error(number: Number, unit: str) -> str:
-    """The largest standard error of a parameter's channels."""
-    std = _largest(number)
+def _error(std: float | None, unit: str) -> str:
+    """A standard error with its unit."""
     if std is None:
         return "-"
     if unit == "rad":
         return f"± {std:.2g} rad\n± {math.degrees(std):.2g}°"
     return f"± {std:.2g}"
-
-
-def _largest(number: Number) -> float | None:
-    """The largest of the channels; None where one of them has no number."""
-    channels = number if isinstance(number, list) else [number]
-    numbers = [channel for channel in channels if channel is not None]
-    return max(numbers) if numbers and len(numbers) == len(channels) else None
 
 
 def _relative(prediction: Prediction) -> str:

@@ -115,7 +115,8 @@ def _images(files: list[str], step: int | None) -> str:
     legend = (
         "<p>Photograph, the estimated material under the same light, and their difference: red where the photograph "
         f"is brighter, blue where it is darker, full colour at {RESIDUAL_RANGE:.0%} of the rms brightness, "
-        f"grey where a pixel did not count (background, rim, shadow, saturation).{preview}</p>"
+        "grey where a pixel did not count (background, rim, shadow, all channels clipped). A clipped channel counts as "
+        f"agreement where the model lies beyond the clip.{preview}</p>"
     )
     return "\n".join(["<h2>Images</h2>", legend, '<div class="images">', *figures, "</div>"])
 

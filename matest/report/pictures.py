@@ -14,6 +14,7 @@ from matest.brdf import Brdf
 from matest.capture import Capture
 from matest.photographs.images import write_image
 from matest.photographs.photometry import srgb
+from matest.photographs.samples import PhotographSamples
 from matest.report.picture_size import PictureSize
 from matest.scene import Surface
 from matest.shading import render_image, render_pixels
@@ -70,7 +71,8 @@ def write_pictures(
     """`profile.csv` and, unless `size` says none, `images/NN_photo.png`, `NN_render.png`, `NN_residual.png`.
 
     Photograph and render share one exposure. In the residual red is a photograph brighter than the model, blue a
-    darker one, white agreement, grey a pixel that did not count.
+    darker one, white agreement, grey a pixel that did not count. A clipped channel agrees with a model that lies beyond
+    the clip; where all channels do, the pixel did not count.
 
     Args:
         capture: the photographs.
@@ -98,8 +100,11 @@ def write_pictures(
             render = render_pixels(scene, number, material, torch.from_numpy(shown)).detach().numpy()
         photo = capture.radiance(number, shown)
         if raster:
-            usable = samples.usable_at(number, raster.index)
-            for kind, picture in _pictures(photo[len(row) :], render[len(row) :], usable, raster).items():
+            measured, model = photo[len(row) :], render[len(row) :]
+            agrees = _clipped_alike(samples, number, raster.index, model)
+            counts = samples.usable_at(number, raster.index) & ~agrees.all(axis=1)
+            difference = np.where(agrees, 0, measured - model)
+            for kind, picture in _pictures(measured, model, difference, counts, raster).items():
                 write_image(folder / "images" / f"{number:02d}_{kind}.png", picture)
         return [
             (f"{name}_{number:02d}", _profile(values[: len(row)], columns, width))
@@ -119,13 +124,32 @@ def write_columns(path: Path, columns: dict[str, np.ndarray]) -> None:
         writer.writerows([[f"{value:.6g}" for value in row] for row in zip(*values, strict=True)])
 
 
-def _pictures(photo: np.ndarray, render: np.ndarray, usable: np.ndarray, raster: Raster) -> dict[str, np.ndarray]:
+def _clipped_alike(samples: PhotographSamples, image: int, index: np.ndarray, render: np.ndarray) -> np.ndarray:
+    """Where the sensor clipped a value and the model too lies beyond that end of its range, bool [n, C].
+
+    Args:
+        samples: of the photographs.
+        image: which of them.
+        index: of its pixels [n].
+        render: radiance of the material there [n, C].
+    """
+    clipped, limits = samples.clipped(image, index), samples.limits(image, index)
+    if clipped is None or limits is None:
+        return np.zeros(render.shape, dtype=bool)
+    side, lower, upper = clipped.numpy(), limits.lower.numpy(), limits.upper.numpy()
+    return np.asarray(((side > 0) & (render >= upper)) | ((side < 0) & (render <= lower)))
+
+
+def _pictures(
+    photo: np.ndarray, render: np.ndarray, difference: np.ndarray, counts: np.ndarray, raster: Raster
+) -> dict[str, np.ndarray]:
     """The pictures of an image by their kind.
 
     Args:
         photo: measured radiance of the pixels that the raster shows [n, C].
         render: of the material [n, C].
-        usable: whether a pixel counts [n].
+        difference: what of the photograph the material does not explain [n, C].
+        counts: whether a pixel counts [n].
         raster: lays the pixels out.
     """
     # The brightest pixels, the highlight's apart, get 80 % of full scale.
@@ -133,12 +157,12 @@ def _pictures(photo: np.ndarray, render: np.ndarray, usable: np.ndarray, raster:
     if len(photo):
         white = float(np.quantile(_by_channel(photo).max(axis=0), 0.995)) or 1.0
         scale = RESIDUAL_RANGE * float(np.sqrt(np.mean(photo**2))) or 1.0
-    difference = _diverging(_by_channel(photo - render).mean(axis=0) / scale)
-    difference[~usable] = _GREY
+    residual = _diverging(_by_channel(difference).mean(axis=0) / scale)
+    residual[~counts] = _GREY
     return {
         "photo": raster.picture(srgb(0.8 * photo / white), background=0),
         "render": raster.picture(srgb(0.8 * render / white), background=0),
-        "residual": raster.picture(difference, background=_GREY),
+        "residual": raster.picture(residual, background=_GREY),
     }
 
 

@@ -83,7 +83,7 @@ def _errors(estimate: Estimate) -> str:
         sentence += f" ({trimmed} without {values} left out as {'an outlier' if left_out == 1 else 'outliers'})"
     sentence += f", {fit.samples_used:,} of {fit.samples:,} samples"
     if saturated := estimate.skipped.get("samples", {}).get("saturated", 0):
-        sentence += f" and {saturated:,} saturated ones"
+        sentence += f" and {saturated:,} with a saturated channel"
     if estimate.holdout:
         sentence += f", {share(estimate.holdout['relative_rmse'])} on the images left out"
     return sentence + "."
@@ -140,15 +140,15 @@ def prediction_table(errors: PredictionErrors, files: list[str]) -> Table:
     return table
 
 
-def comparison_table(comparison: Comparison) -> Table:
-    """How much every image differs from the first."""
+def comparison_table(comparison: Comparison, notes: Sequence[str] = ()) -> Group:
+    """How much every image differs from the first, and notes on that."""
     numbers = (Column(name, justify="right") for name in ("rms difference", "maximum", "brightest at"))
     table = plain_table("image", *numbers)
     figures = zip(comparison.names, comparison.rms, comparison.maximum, comparison.peak, strict=True)
     for name, rms, maximum, peak in figures:
         first = name == comparison.names[0]
         table.add_row(name, "reference" if first else f"{rms:.4g}", "" if first else f"{maximum:.4g}", f"{peak:.0f} px")
-    return table
+    return Group(table, *(Text(f"Note: {note}", style="yellow") for note in notes))
 
 
 def _candidates(estimate: Estimate) -> Table:

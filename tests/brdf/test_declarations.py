@@ -17,6 +17,7 @@ class Everything:
     albedo: float = declarations.albedo()
     diffuse: float = declarations.diffuse()
     interreflection: float = declarations.interreflection()
+    slope: float = declarations.slope("", 0.2)
     f0: float = declarations.f0()
     wavelength: float = declarations.wavelength()
     solid_angle: float = declarations.solid_angle()
@@ -46,6 +47,7 @@ def test_roles_are_declared_and_not_read_from_names() -> None:
         "diffuse": Role.BODY,
         "interreflection": Role.GAUGE,
         "f0": Role.FRESNEL,
+        "slope": Role.SLOPE,
         "wavelength": Role.WAVELENGTH,
         "solid_angle": Role.SOLID_ANGLE,
     }

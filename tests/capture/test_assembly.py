@@ -11,7 +11,7 @@ from matest.capture.assembly import ImageFormat, realise
 from matest.capture.description import describe
 from matest.photographs.noise import Noise
 from matest.photographs.sensor import Sensor
-from tests.captures import SHAPE, CaptureFolder, refusal
+from tests.captures import SHAPE, CaptureFolder, encode_as_png, refusal
 
 FLOATS = ImageFormat(SHAPE, 3, np.dtype(np.float32))
 
@@ -44,6 +44,30 @@ def test_integers_are_saturated_near_full_scale_unless_it_is_said(folder: Captur
 def test_a_saturation_of_no_image_is_refused(folder: CaptureFolder, saturation: object) -> None:
     folder.tables["encoding"] = {"saturation": saturation}
     assert "encoding.saturation must be" in refusal(folder.load)
+
+
+@pytest.mark.parametrize(
+    ("saturation", "mend"),
+    [
+        (95, "did you mean 0.95?"),
+        ([0.9, 0.9, 95], "did you mean 0.95?"),
+        (1.5, "give at most 1"),
+        (64225, "did you mean 0.98?"),
+        (1e6, "give at most 1"),
+    ],
+)
+def test_a_saturation_that_no_code_can_exceed_is_refused(folder: CaptureFolder, saturation: object, mend: str) -> None:
+    encode_as_png(folder, np.uint16)
+    folder.tables["encoding"]["saturation"] = saturation
+    message = refusal(folder.load)
+    assert str(folder.file) in message
+    assert "fraction of full scale" in message
+    assert mend in message
+
+
+def test_floats_may_saturate_at_any_level(folder: CaptureFolder) -> None:
+    folder.tables["encoding"] = {"saturation": 95}
+    assert folder.load().photographs.encoding.saturation == 95
 
 
 def test_grey_images_may_be_lit_by_three_equal_numbers(folder: CaptureFolder) -> None:

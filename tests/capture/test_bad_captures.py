@@ -62,7 +62,15 @@ def test_values_that_are_not_finite_in_an_exr_are_refused(folder, bad):
         write_image(folder.path / table["file"], image)
     message = refusal(folder.load)
     assert str(folder.path / "00.exr") in message
-    assert "1 pixels are larger, infinite or NaN" in message
+    assert "1 pixel holds NaN, infinity or larger ones. Set it to 0 in the file and leave it out" in message
+
+
+def test_pixels_that_are_not_finite_are_counted_once_each(folder):
+    image = np.load(folder.path / "01.npy")
+    image[3, 3], image[4, 4, 1], image[5, 5, 2] = math.nan, math.inf, -1e30
+    folder.put("01.npy", image)
+    message = refusal(folder.load)
+    assert "3 pixels hold NaN, infinity or larger ones. Set them to 0 in the file and leave them out" in message
 
 
 def test_images_of_different_sizes_are_refused(folder):
@@ -79,6 +87,26 @@ def test_images_of_different_kinds_are_refused(folder, other):
     message = refusal(folder.load)
     assert str(folder.path / "01.npy") in message
     assert "float32" in message
+
+
+@pytest.mark.parametrize("odd", [0, 1, 3])
+@pytest.mark.parametrize(
+    ("other", "says"),
+    [
+        (np.ones((*SHAPE, 3), np.uint16), "got 3 channel(s) of uint16"),
+        (np.ones(SHAPE, np.float32), "got 1 channel(s) of float32"),
+        (np.ones((*SMALL, 3), np.float32), "×".join(map(str, SMALL))),
+    ],
+)
+def test_the_image_that_differs_from_most_is_the_one_that_is_named(folder, other, says, odd):
+    table = folder.tables["image"][0]
+    folder.tables["image"] = [{**table, "file": f"{k}.npy"} for k in range(4)]
+    for k in range(4):
+        folder.put(f"{k}.npy", other if k == odd else np.ones((*SHAPE, 3), np.float32))
+    message = refusal(folder.load)
+    assert message.startswith(f"{folder.path / f'{odd}.npy'}: ")
+    assert says in message
+    assert " and 2 more" in message
 
 
 def test_a_mask_of_another_size_is_refused(folder):

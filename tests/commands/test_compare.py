@@ -7,8 +7,10 @@ import os
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from matest.photographs.images import full_scale, read_image, write_image
 from tests.commands.conftest import Run
 
 
@@ -25,6 +27,25 @@ def test_estimate_predict_compare_work_in_a_row(run: Run, capture: Path, tmp_pat
     assert rows[1]["rms"] > 0.01
     assert (tmp_path / "section.png").stat().st_size > 5000
     assert len((tmp_path / "section.csv").read_text("utf-8").splitlines()) == 65
+
+
+def test_codes_beside_radiance_are_noted_with_the_ratio_of_their_scales(
+    run: Run, capture: Path, tmp_path: Path
+) -> None:
+    codes = read_image(capture / "00.png")
+    for name, factor in (("same", 1.0), ("scaled", 4.0)):
+        write_image(tmp_path / f"{name}.exr", (factor * codes / full_scale(codes.dtype)).astype(np.float32))
+    compared = (capture / "00.png", tmp_path / "scaled.exr", capture / "01.png", "-o", tmp_path / "out")
+    code, out, _ = run("compare", *compared)
+    assert code == 0
+    words = " ".join(out.split())
+    assert "Note: 00.png holds integers, fractions of full scale, and scaled.exr floats" in words
+    assert "the median of scaled.exr is 4 times the other's." in words
+    assert words.count("Note:") == 1
+    code, out, _ = run("compare", *compared, "--json")
+    assert len(json.loads(out)["notes"]) == 1
+    code, out, _ = run("compare", tmp_path / "same.exr", tmp_path / "scaled.exr", "-o", tmp_path / "out", "--json")
+    assert json.loads(out)["notes"] == []
 
 
 def test_a_comparison_of_one_image_or_along_two_lines_is_refused(run: Run, capture: Path) -> None:

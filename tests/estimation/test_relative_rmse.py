@@ -78,6 +78,13 @@ def test_the_error_of_a_fit_counts_outliers_and_saturated_values_as_a_prediction
     assert found.fit.values_left_out > 100
 
 
+@pytest.mark.parametrize("clip", [None, CLIP])
+def test_where_nothing_is_left_out_the_trimmed_error_is_the_error(clip: float | None) -> None:
+    fit = matest.estimate(spoilt(CookTorrance(0.3, 0.8, 0.25), clip=clip), "cook-torrance", fix={"f0": 0.04}).fit
+    assert fit.values_left_out == 0
+    assert fit.relative_rmse_trimmed == pytest.approx(fit.relative_rmse, rel=1e-9)
+
+
 def test_an_image_left_out_has_the_error_that_a_prediction_gives_it() -> None:
     capture = spoilt(OrenNayar(0.6, 0.5), outliers=0.02)
     found = matest.estimate(capture, "oren-nayar", holdout=[2])

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
 import matest
 from matest.brdf import Brdf, CookTorrance, Lambert, OrenNayar
@@ -14,8 +15,11 @@ from matest.estimation.result import Estimate
 from matest.estimation.specification import specify
 from matest.estimation.warnings import RULES, Context, warnings
 from matest.inference.quantities import ParameterEstimate
+from matest.photographs.photometry import Encoding
+from matest.scene import Scene
+from matest.shading import render
 from tests.captures import changed, directional
-from tests.inference.judged import judged
+from tests.inference.judged import judged, solved
 from tests.simulated import DIRECTIONS, Studio
 
 STUDIO = Studio(size=24)
@@ -128,6 +132,18 @@ def test_noise_that_was_estimated_is_told() -> None:
     assert found.warnings[-1] == "Noise was estimated from the images: read 0.002, gain 0.0005 of full scale."
 
 
+def test_codes_in_steps_are_told_beside_the_noise_that_includes_their_rounding() -> None:
+    codes = (73 * np.round(image * 65535 / 73) for image in STUDIO.photograph(Lambert(0.6), 0).photographs.stored)
+    stored = tuple(image.clip(0, 65535).astype(np.uint16) for image in codes)
+    for stated in (False, True):
+        capture = changed(
+            STUDIO.photograph(Lambert(0.6), 0), stored=stored, encoding=Encoding(step=73.0), noise_stated=stated
+        )
+        assert matest.estimate(capture, "lambert").warnings[-1] == (
+            "Stored codes come in steps of 73: the read noise includes their rounding, 0.00032 of full scale."
+        )
+
+
 def test_a_precision_that_was_not_reached_is_told_last() -> None:
     found = photographed(OrenNayar(0.6, 0.4), "oren-nayar", precision=1e-5)
     assert found.warnings[-1].startswith(
@@ -155,6 +171,36 @@ def test_too_few_pixels_for_error_bars_that_allow_for_the_misfit_are_told(contex
     assert told(context, bars=bars) == [
         "There are too few pixels for error bars that allow for the misfit of the model."
     ]
+
+
+def averaged(scene: Scene, material: Brdf) -> np.ndarray:
+    """Radiance [K, N, C] of a small sphere's pixels, each the mean of 8×8 points of it."""
+    fine = replace(STUDIO, size=8 * STUDIO.size).scene
+    images = render(fine, material, dtype=torch.float64).numpy()
+    mean = images.reshape(len(images), STUDIO.size, 8, STUDIO.size, 8, -1).mean(axis=(2, 4))
+    return mean.reshape(len(images), -1, mean.shape[-1])[:, scene.surface.pixels]
+
+
+@pytest.mark.parametrize("slope", [0.1, 0.15])
+def test_a_slope_that_pixels_average_is_told_with_its_excess(slope: float) -> None:
+    material = CookTorrance(0.2, 0.8, slope)
+    exposed = STUDIO.expose(averaged(STUDIO.scene, material), None)
+    found = matest.estimate(exposed, "cook-torrance", fix={"f0": 0.04})
+    (said,) = [warning for warning in found.warnings if "a pixel averages" in warning]
+    excess = float(said.split("too large by ")[1].split(",")[0])
+    assert found.parameters["slope"].value - slope == pytest.approx(excess, rel=0.2)  # type: ignore[operator]
+
+
+def test_a_slope_that_pixels_hardly_widen_is_not_told() -> None:
+    found = photographed(CookTorrance(0.2, 0.8, 0.5), "cook-torrance", fix={"f0": 0.04})
+    assert not any("a pixel averages" in warning for warning in found.warnings)
+
+
+@pytest.mark.parametrize(("values", "warns"), [(59, True), (60, False)])
+def test_few_values_are_told_to_give_uncertain_error_bars(context: Context, values: int, warns: bool) -> None:
+    solution = solved(torch.zeros(1, 2), values=values)
+    sentence = f"There are only {values} values for 2 unknowns: error bars from so few are uncertain."
+    assert (sentence in warnings(replace(context, solution=solution))) == warns
 
 
 def test_channels_that_are_not_determined_are_named(context: Context) -> None:

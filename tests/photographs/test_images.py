@@ -228,7 +228,7 @@ def test_values_whose_squares_overflow_are_refused(tmp_path):
     image = floats(3)
     image[2, 3, 1] = 1e38
     np.save(tmp_path / "image.npy", image)
-    assert "1 pixels" in refusal(lambda: read_image(tmp_path / "image.npy"))
+    assert "1 pixel holds" in refusal(lambda: read_image(tmp_path / "image.npy"))
 
 
 def test_an_array_larger_than_memory_is_refused(tmp_path):

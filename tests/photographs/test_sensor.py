@@ -69,3 +69,4 @@ def test_photographs_as_cameras_make_them_give_the_truth(case: str, says: str | 
         assert all(low <= truth["specular"] <= high for low, high in result.parameters["specular"].interval95)
     sentences = [warning for warning in result.warnings if "pile up" in warning]
     assert (says is None and not sentences) or (says is not None and says in sentences[0])
+    assert any("come in steps of 73:" in warning for warning in result.warnings) == (case == "codes_in_steps")

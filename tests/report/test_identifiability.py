@@ -78,7 +78,15 @@ def test_a_light_that_resolves_or_frees_parameters_says_so() -> None:
 
 
 def test_error_and_relative_error_are_those_of_one_channel() -> None:
-    prediction = Prediction([0.5, 0.1], [0.02, 0.01], 0.1, None, "1", "determined")
-    assert _least_known(prediction) == 0.01
-    assert _least_known(Prediction([0.5, None], [0.02, None], None, None, "1", "not determined")) == [0.02, None]
-    assert _least_known(Prediction(0.3, 0.1, 0.3, None, "1", "determined")) == 0.1
+    assert _least_known([0.5, 0.1], [0.02, 0.01]) == 0.01
+    assert _least_known([0.5, None], [0.02, None]) is None
+    assert _least_known(0.3, 0.1) == 0.1
+
+
+def test_both_tables_give_the_error_of_the_same_channel_and_say_which() -> None:
+    albedo = Prediction([0.5, 0.1], [0.02, 0.01], 0.1, None, "1", "determined")
+    light = replace(LIGHT, std={"albedo": [0.01, 0.0025]}, gain={"albedo": 4.0}, worst=(0.1, 0.025))
+    text = words(replace(CHECK, parameters={"albedo": albedo}, light=light, levels={}))
+    assert "vase: lambert; errors are those of the least known channel" in text
+    assert "albedo 0.5, 0.1 ± 0.01 10% determined" in text
+    assert "albedo ± 0.01 ± 0.0025 4 ×" in text

@@ -12,10 +12,11 @@ import pytest
 from matest.brdf import Lambert
 from matest.capture import Capture
 from matest.photographs.images import read_image
+from matest.photographs.photometry import Encoding
 from matest.report.picture_size import PictureSize
 from matest.report.pictures import RESIDUAL_RANGE, write_columns, write_pictures
 from matest.shading import render
-from tests.captures import directional
+from tests.captures import changed, directional
 from tests.simulated import DIRECTIONS, Studio, coloured
 
 GREY = 224  # of residual pictures where a pixel did not count
@@ -66,6 +67,33 @@ def test_brighter_photographs_are_red_and_darker_ones_blue(tmp_path: Path) -> No
     assert red > blue + 30
     red, _, blue = middle(picture(tmp_path / "dark", "00_residual.png"))
     assert blue > red + 30
+
+
+def clipped(*levels: float) -> Capture:
+    """The capture of a sensor that clips each channel at a level."""
+    whole = capture()
+    stored = tuple(image.clip(max=np.float32(levels)) for image in whole.photographs.stored)
+    # Floats are saturated above the limit: what is cut off at it lies a little beyond.
+    return changed(whole, stored=stored, encoding=Encoding(saturation=tuple(0.999999 * level for level in levels)))
+
+
+def test_a_clipped_channel_agrees_with_a_model_that_lies_beyond_the_clip(tmp_path: Path) -> None:
+    photographs = clipped(0.3, 9.0, 9.0)
+    assert (photographs.photographs.stored[0][:, 0] > 0.29).sum() > 50
+    write_pictures(photographs, TRUTH, tmp_path)
+    used = photographs.scene.surface.pixels[photographs.samples().indices(0)]
+    assert picture(tmp_path, "00_residual.png").reshape(-1, 3)[used].min() >= 254
+
+
+def test_a_clipped_channel_counts_where_the_model_lies_below_the_clip(tmp_path: Path) -> None:
+    write_pictures(clipped(0.3, 9.0, 9.0), Lambert([0.2, 0.5, 0.4]), tmp_path)
+    red, _, blue = middle(picture(tmp_path, "00_residual.png"))
+    assert red > blue + 30
+
+
+def test_a_pixel_whose_channels_are_all_clipped_is_grey(tmp_path: Path) -> None:
+    write_pictures(clipped(0.3, 0.3, 0.2), TRUTH, tmp_path)
+    assert middle(picture(tmp_path, "00_residual.png")) == [GREY] * 3
 
 
 def test_full_colour_is_the_stated_share_of_the_brightness(tmp_path: Path) -> None:

@@ -53,7 +53,8 @@ def test_an_estimate_shows_errors_what_was_left_out_and_warnings() -> None:
     for part in (
         "Models tried",
         "0.5236 ± 0.0021 rad",
-        "relative rms error 1.13%, 120,000 of 123,456 samples and 5 saturated ones, 2.00% on the images left out.",
+        "relative rms error 1.13%, 120,000 of 123,456 samples and 5 with a saturated channel, "
+        "2.00% on the images left out.",
         "Note: Noise was estimated from the images.",
         "fit 0.30 s",
     ):

@@ -172,7 +172,7 @@ def test_alpha_next_to_zero_gives_values_that_are_refused(tmp_path):
     alpha = np.ones((HEIGHT, WIDTH), np.float32)
     alpha[2, 3] = 1e-40
     write_exr(tmp_path / "a.exr", planes("RGB") | {"A": alpha})
-    assert "1 pixels are larger, infinite or NaN" in refusal(lambda: read_image(tmp_path / "a.exr"))
+    assert "1 pixel holds NaN, infinity or larger ones" in refusal(lambda: read_image(tmp_path / "a.exr"))
 
 
 def test_luminance_with_chroma_is_refused(tmp_path):
