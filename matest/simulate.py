@@ -8,13 +8,13 @@ import re
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 import tomli_w
-import torch
 
 from matest.bands import Band, bands
 from matest.brdf import Brdf, model, preset
@@ -24,17 +24,19 @@ from matest.capture.description import Description, describe, image_channels, im
 from matest.errors import Fault, InputError, errors_of, refuse
 from matest.estimation.specification import optics, resolve
 from matest.outputs import keep_inputs, whole_files
-from matest.photographs.images import write_image
-from matest.photographs.noise import Noise
+from matest.photographs.images import full_scale, write_image
+from matest.photographs.noise import Noise, steps
 from matest.photographs.photometry import Encoding
 from matest.photographs.storage import Storage, release
 from matest.progress import Progress, silent
 from matest.scene import Scene
-from matest.shading import render_pixels
-from matest.workers import in_threads, one_behind
+from matest.supersampling import PixelMeans, radiance_of_rays
+from matest.workers import one_behind
 
 # Level of the brightest pixel of integer images without a scale, fraction of full scale: noise does not saturate it.
 _PEAK_LEVEL = 0.9
+# Share of a code by which the radiance of a pixel may be wrong before it becomes an integer: few codes round otherwise.
+_CODE_SHARE = 0.2
 # Most rays per pixel and axis: 256 rays resolve the coverage of a pixel to one step of 8 bits.
 _MAX_SUPERSAMPLING = 16
 # Type of pixels by their bits, the better ones first; None: floats.
@@ -78,9 +80,18 @@ class SimulatedScene:
         """Geometry and lights."""
         return self.setup.scene
 
-    def bands(self) -> Iterator[Band]:
-        """Bands of rows of its images, from top to bottom."""
-        return bands(self.scene.surface, self.supersampling)
+    @cached_property
+    def pixels(self) -> PixelMeans:
+        """The means over the rays of each pixel."""
+        return PixelMeans.of(self.scene, self.supersampling)
+
+    def by_band(self, values: np.ndarray) -> Iterator[tuple[Band, np.ndarray]]:
+        """Bands of rows of its images, from top to bottom, and their share of values at covered pixels [m, …]."""
+        first = 0
+        for band in bands(self.scene.surface, self.supersampling):
+            last = first + len(band.covered)
+            yield band, values[first:last]
+            first = last
 
 
 def load_scene(path: str | Path) -> SimulatedScene:
@@ -123,22 +134,19 @@ def scene_format(description: Description[schema.SceneFile], material: Brdf) -> 
 
 def radiance(scene: SimulatedScene, image: int) -> np.ndarray:
     """Noise-free radiance [H, W, C] of one image, float64, averaged over each pixel if the scene is supersampled."""
-    parts = zip(scene.bands(), _radiance_by_band(scene, image), strict=True)
-    return np.concatenate([band.image(values) for band, values in parts])
+    values = radiance_of_rays(scene.scene, scene.supersampling, image, scene.material)
+    return np.concatenate([band.image(part) for band, part in scene.by_band(values)])
 
 
-def _radiance_by_band(scene: SimulatedScene, image: int) -> Iterator[np.ndarray]:
-    """Noise-free radiance [m, C] of the covered pixels of every band of one image."""
-    return in_threads(lambda band: _radiance_of(scene, image, band), scene.bands())
-
-
-def _radiance_of(scene: SimulatedScene, image: int, band: Band) -> np.ndarray:
-    """Noise-free radiance [m, C] of the covered pixels of a band of one image."""
-    if not band.index:
-        return np.zeros((0, scene.scene.channels))
-    index = torch.arange(band.index.start, band.index.stop)
-    with torch.no_grad():
-        return band.means(render_pixels(scene.scene, image, scene.material, index, dtype=torch.float64).numpy())
+def _radiance_to_a_code(scene: SimulatedScene, image: int) -> np.ndarray:
+    """`radiance` of the covered pixels [m, C], to a part of a code where pixels become integers."""
+    if scene.supersampling == 1 or scene.images.dtype.kind != "u":
+        return radiance_of_rays(scene.scene, scene.supersampling, image, scene.material)
+    encoding, exposure = scene.setup.encoding, scene.setup.exposures[image]
+    tolerance = _CODE_SHARE * float(steps(encoding.transfer, int(full_scale(scene.images.dtype))).min())
+    # A scale that is not stated is chosen such that the highest radiance does not exceed full scale.
+    scale = None if scene.description.tables.encoding.scale is None else encoding.scale / exposure
+    return scene.pixels.radiance(image, scene.material, tolerance, scale)
 
 
 def simulate(path: str | Path, out: str | Path | None = None, progress: Progress = silent) -> Path:
@@ -165,7 +173,7 @@ def simulate(path: str | Path, out: str | Path | None = None, progress: Progress
     # Kept, since the brightest of all pixels may decide how all are exposed; beyond a budget in a temporary file.
     storage, images, peak = Storage(), [], 0.0
     for number, exposure in enumerate(scene.setup.exposures):
-        values = np.concatenate(list(_radiance_by_band(scene, number)))
+        values = _radiance_to_a_code(scene, number)
         peak = max(peak, float(values.max(initial=0)) * exposure)
         images.append(storage.keep(values))
         progress("rendering images", number + 1, len(tables.image))
@@ -304,12 +312,10 @@ class _Camera:
 
     def photograph(self, image: int, radiance: np.ndarray) -> np.ndarray:
         """Pixels [H, W, C] as a file holds them, of the radiance of all covered pixels of an image."""
-        scene, first = self._scene, 0
+        scene = self._scene
         noise, exposure = scene.setup.noise or Noise(0.0, 0.0), scene.setup.exposures[image]
         pixels = np.empty((*scene.images.shape, radiance.shape[1]), scene.images.dtype)
-        for band in scene.bands():
-            values = radiance[first : first + len(band.covered)]
-            first += len(values)
+        for band, values in scene.by_band(radiance):
             light = expose(band.image(values), exposure, self.encoding, noise, self._generator)
             pixels[band.rows.start : band.rows.stop] = stored_pixels(light, self.encoding, self._bits)
         release(radiance)
@@ -335,7 +341,7 @@ def stored_pixels(pixels: np.ndarray, encoding: Encoding, bits: int | None) -> n
 def _write_geometry(scene: SimulatedScene, folder: Path, copies: bool) -> None:
     """Mask (share of the pixel that is object), normals, and with `copies` the files the geometry refers to."""
     mask, normals = np.empty(scene.images.shape, np.uint8), np.empty((*scene.images.shape, 3), np.float32)
-    for band in scene.bands():
+    for band in bands(scene.scene.surface, scene.supersampling):
         rows = slice(band.rows.start, band.rows.stop)
         mask[rows] = np.ceil(band.coverage * 255)
         mean = band.means(scene.scene.surface.normals[band.index.start : band.index.stop].numpy())
