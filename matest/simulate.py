@@ -6,17 +6,17 @@ import math
 import os
 import re
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import cv2
 import msgspec
 import numpy as np
 import tomli_w
-import torch
 
+from matest.bands import Band, bands
 from matest.brdf import Brdf, model, preset
 from matest.capture import schema
 from matest.capture.assembly import ImageFormat, Setup, realise
@@ -24,19 +24,19 @@ from matest.capture.description import Description, describe, image_channels, im
 from matest.errors import Fault, InputError, errors_of, refuse
 from matest.estimation.specification import optics, resolve
 from matest.outputs import keep_inputs, whole_files
-from matest.photographs.images import write_image
-from matest.photographs.noise import Noise
+from matest.photographs.images import full_scale, write_image
+from matest.photographs.noise import Noise, steps
 from matest.photographs.photometry import Encoding
-from matest.photographs.storage import Storage
+from matest.photographs.storage import Storage, release
 from matest.progress import Progress, silent
 from matest.scene import Scene
-from matest.shading import render_pixels
-from matest.workers import in_threads
+from matest.supersampling import PixelMeans, radiance_of_rays
+from matest.workers import one_behind
 
 # Level of the brightest pixel of integer images without a scale, fraction of full scale: noise does not saturate it.
 _PEAK_LEVEL = 0.9
-# Rays of a band of rows that is shaded at a time: enough to be worth a thread, few enough for memory to stay small.
-_BAND_PIXELS = 1 << 17
+# Share of a code by which the radiance of a pixel may be wrong before it becomes an integer: few codes round otherwise.
+_CODE_SHARE = 0.2
 # Most rays per pixel and axis: 256 rays resolve the coverage of a pixel to one step of 8 bits.
 _MAX_SUPERSAMPLING = 16
 # Type of pixels by their bits, the better ones first; None: floats.
@@ -80,6 +80,19 @@ class SimulatedScene:
         """Geometry and lights."""
         return self.setup.scene
 
+    @cached_property
+    def pixels(self) -> PixelMeans:
+        """The means over the rays of each pixel."""
+        return PixelMeans.of(self.scene, self.supersampling)
+
+    def by_band(self, values: np.ndarray) -> Iterator[tuple[Band, np.ndarray]]:
+        """Bands of rows of its images, from top to bottom, and their share of values at covered pixels [m, …]."""
+        first = 0
+        for band in bands(self.scene.surface, self.supersampling):
+            last = first + len(band.covered)
+            yield band, values[first:last]
+            first = last
+
 
 def load_scene(path: str | Path) -> SimulatedScene:
     """Read a scene: a folder with a `scene.toml`, or that file.
@@ -121,25 +134,19 @@ def scene_format(description: Description[schema.SceneFile], material: Brdf) -> 
 
 def radiance(scene: SimulatedScene, image: int) -> np.ndarray:
     """Noise-free radiance [H, W, C] of one image, float64, averaged over each pixel if the scene is supersampled."""
-    height = scene.scene.surface.shape[0] // scene.supersampling
-    count = max(_BAND_PIXELS // (scene.scene.surface.shape[1] * scene.supersampling), 1)  # rows of pixels
-    bands = [range(first, min(first + count, height)) for first in range(0, height, count)]
-    return np.concatenate(list(in_threads(lambda rows: _radiance_of_rows(scene, image, rows), bands)))
+    values = radiance_of_rays(scene.scene, scene.supersampling, image, scene.material)
+    return np.concatenate([band.image(part) for band, part in scene.by_band(values)])
 
 
-def _radiance_of_rows(scene: SimulatedScene, image: int, rows: range) -> np.ndarray:
-    """Noise-free radiance [h, W, C] of some rows of one image."""
-    surface, factor = scene.scene.surface, scene.supersampling
-    width, height = surface.shape[1], factor * len(rows)
-    start = factor * rows.start * width
-    first, last = np.searchsorted(surface.pixels, [start, start + height * width])
-    index = torch.arange(int(first), int(last))
-    fine = np.zeros((height * width, scene.scene.channels))
-    if len(index):
-        with torch.no_grad():
-            radiance = render_pixels(scene.scene, image, scene.material, index, dtype=torch.float64)
-        fine[surface.pixels[first:last] - start] = radiance.numpy()
-    return fine.reshape(len(rows), factor, width // factor, factor, -1).mean(axis=(1, 3))
+def _radiance_to_a_code(scene: SimulatedScene, image: int) -> np.ndarray:
+    """`radiance` of the covered pixels [m, C], to a part of a code where pixels become integers."""
+    if scene.supersampling == 1 or scene.images.dtype.kind != "u":
+        return radiance_of_rays(scene.scene, scene.supersampling, image, scene.material)
+    encoding, exposure = scene.setup.encoding, scene.setup.exposures[image]
+    tolerance = _CODE_SHARE * float(steps(encoding.transfer, int(full_scale(scene.images.dtype))).min())
+    # A scale that is not stated is chosen such that the highest radiance does not exceed full scale.
+    scale = None if scene.description.tables.encoding.scale is None else encoding.scale / exposure
+    return scene.pixels.radiance(image, scene.material, tolerance, scale)
 
 
 def simulate(path: str | Path, out: str | Path | None = None, progress: Progress = silent) -> Path:
@@ -164,19 +171,19 @@ def simulate(path: str | Path, out: str | Path | None = None, progress: Progress
     names = [table.file or f"{number:02d}{suffix}" for number, table in enumerate(tables.image)]
     _check_outputs(scene.description, folder, names)
     # Kept, since the brightest of all pixels may decide how all are exposed; beyond a budget in a temporary file.
-    storage, images = Storage(), []
-    for number in range(len(tables.image)):
-        images.append(storage.keep(radiance(scene, number)))
+    storage, images, peak = Storage(), [], 0.0
+    for number, exposure in enumerate(scene.setup.exposures):
+        values = _radiance_to_a_code(scene, number)
+        peak = max(peak, float(values.max(initial=0)) * exposure)
+        images.append(storage.keep(values))
         progress("rendering images", number + 1, len(tables.image))
-    encoding = _exposed(scene, images)
-    noise = scene.setup.noise or Noise(0.0, 0.0)
-    generator = np.random.Generator(np.random.Philox(tables.noise.seed if tables.noise else 0))
+    camera = _Camera(scene, _exposed(scene, peak), bits)
     with whole_files(folder, last=_CAPTURE) as part:
-        for number, table in enumerate(tables.image):
-            pixels = expose(images[number], table.exposure, encoding, noise, generator)
-            _write(part / names[number], stored_pixels(pixels, encoding, bits))
+        photographs = (camera.photograph(number, images[number]) for number in range(len(images)))
+        files = ((part / name, pixels) for name, pixels in zip(names, photographs, strict=True))
+        one_behind(lambda file: _write(*file), files)
         _write_geometry(scene, part, copies=not _same(folder, file.parent))
-        text = _HEADER.format(scene=file.name) + _toml(_capture_table(tables, encoding, names))
+        text = _HEADER.format(scene=file.name) + _toml(_capture_table(tables, camera.encoding, names))
         (part / _CAPTURE).write_text(text, "utf-8")
     return folder
 
@@ -272,21 +279,47 @@ def _same(folder: Path, source: Path) -> bool:
     return folder.resolve() == source.resolve()
 
 
-def _exposed(scene: SimulatedScene, images: Sequence[np.ndarray]) -> Encoding:
+def _exposed(scene: SimulatedScene, peak: float) -> Encoding:
     """The encoding of the images; without a stated scale, integers get one that exposes the brightest pixel well.
 
     Args:
         scene: that was rendered.
-        images: radiance of each [H, W, C].
+        peak: the largest product of radiance and exposure.
     """
-    encoding, exposures = scene.setup.encoding, scene.setup.exposures
+    encoding = scene.setup.encoding
     if scene.description.tables.encoding.scale is not None or scene.images.dtype.kind != "u":
         return encoding
-    peak = max(float(image.max()) * exposure for image, exposure in zip(images, exposures, strict=True))
     scale = peak / (_PEAK_LEVEL - float(scene.description.tables.encoding.black)) if peak > 0 else 1.0
     # Two digits are enough, and leave the file readable.
     step = 10 ** math.floor(math.log10(scale)) / 10
     return replace(encoding, scale=float(f"{math.ceil(scale / step) * step:.6g}"))
+
+
+class _Camera:
+    """A camera that photographs the images of a scene one after the other, with noise of its own in each.
+
+    Args:
+        scene: that was rendered.
+        encoding: from pixels to radiance.
+        bits: of the images; None: floats.
+    """
+
+    def __init__(self, scene: SimulatedScene, encoding: Encoding, bits: int | None) -> None:
+        noise = scene.description.tables.noise
+        self.encoding = encoding
+        self._scene, self._bits = scene, bits
+        self._generator = np.random.Generator(np.random.Philox(noise.seed if noise else 0))
+
+    def photograph(self, image: int, radiance: np.ndarray) -> np.ndarray:
+        """Pixels [H, W, C] as a file holds them, of the radiance of all covered pixels of an image."""
+        scene = self._scene
+        noise, exposure = scene.setup.noise or Noise(0.0, 0.0), scene.setup.exposures[image]
+        pixels = np.empty((*scene.images.shape, radiance.shape[1]), scene.images.dtype)
+        for band, values in scene.by_band(radiance):
+            light = expose(band.image(values), exposure, self.encoding, noise, self._generator)
+            pixels[band.rows.start : band.rows.stop] = stored_pixels(light, self.encoding, self._bits)
+        release(radiance)
+        return pixels
 
 
 def expose(
@@ -307,14 +340,15 @@ def stored_pixels(pixels: np.ndarray, encoding: Encoding, bits: int | None) -> n
 
 def _write_geometry(scene: SimulatedScene, folder: Path, copies: bool) -> None:
     """Mask (share of the pixel that is object), normals, and with `copies` the files the geometry refers to."""
-    surface, factor = scene.scene.surface, scene.supersampling
-    height, width = scene.images.shape
-    coverage = surface.mask.reshape(height, factor, width, factor).mean(axis=(1, 3))
-    _write(folder / "mask.png", np.ceil(coverage * 255).astype(np.uint8))
-    normals = surface.image(surface.normals.numpy())
-    mean = cv2.resize(normals, (width, height), interpolation=cv2.INTER_AREA) if factor > 1 else normals
-    length = np.linalg.norm(mean, axis=-1, keepdims=True)
-    _write(folder / "normals.exr", mean / np.maximum(length, 1e-12))
+    mask, normals = np.empty(scene.images.shape, np.uint8), np.empty((*scene.images.shape, 3), np.float32)
+    for band in bands(scene.scene.surface, scene.supersampling):
+        rows = slice(band.rows.start, band.rows.stop)
+        mask[rows] = np.ceil(band.coverage * 255)
+        mean = band.means(scene.scene.surface.normals[band.index.start : band.index.stop].numpy())
+        length = np.linalg.norm(mean, axis=-1, keepdims=True)
+        normals[rows] = band.image(mean / np.maximum(length, 1e-12))
+    _write(folder / "mask.png", mask)
+    _write(folder / "normals.exr", normals)
     for reference in _copied(scene.description) if copies else ():
         (folder / reference).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(scene.description.folder / reference, folder / reference)

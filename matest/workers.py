@@ -7,7 +7,7 @@ import multiprocessing
 import os
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
@@ -42,6 +42,18 @@ def in_groups(function: Callable[[Item], list[Result]], groups: Iterable[Sequenc
                 yield from function(group[0])
             else:
                 yield from itertools.chain.from_iterable(pool.map(function, group))
+
+
+def one_behind(function: Callable[[Item], object], items: Iterable[Item]) -> None:
+    """Call a function for each item in a thread of its own, while the next item is made in this one."""
+    with ThreadPoolExecutor(1) as pool:
+        call: Future[object] | None = None
+        for item in items:
+            if call is not None:
+                call.result()
+            call = pool.submit(function, item)
+        if call is not None:
+            call.result()
 
 
 def processes(most: int, prepare: Callable[..., None] | None = None, *arguments: Any) -> ProcessPoolExecutor:

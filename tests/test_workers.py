@@ -13,7 +13,7 @@ import torch
 
 import matest
 from matest import workers
-from matest.workers import in_groups, in_threads, processes, processors, single_threaded_torch
+from matest.workers import in_groups, in_threads, one_behind, processes, processors, single_threaded_torch
 
 PACKAGE = Path(matest.__file__).parent
 
@@ -34,6 +34,31 @@ def slow_at_first(item: int) -> int:
 def test_results_come_in_the_order_of_the_items() -> None:
     assert list(in_threads(slow_at_first, range(5))) == [0, 1, 4, 9, 16]
     assert list(in_groups(lambda item: [slow_at_first(item)], [range(3), [3], [], [4]])) == [0, 1, 4, 9, 16]
+
+
+def test_an_item_is_made_while_the_one_before_it_is_worked_on_and_no_further_one() -> None:
+    working, made = threading.Event(), threading.Event()
+    done: list[int] = []
+
+    def items() -> Iterator[int]:
+        yield 0
+        assert working.wait(5)
+        made.set()
+        yield 1
+        assert done[0] == 0
+
+    def work(item: int) -> None:
+        working.set()
+        assert made.wait(5)
+        done.append(item)
+
+    one_behind(work, items())
+    assert done == [0, 1]
+
+
+def test_an_error_behind_ends_the_work() -> None:
+    with pytest.raises(ZeroDivisionError):
+        one_behind(lambda item: 1 // item, [1, 0, 1])
 
 
 def test_no_more_threads_work_than_there_are_processors(monkeypatch: pytest.MonkeyPatch) -> None:

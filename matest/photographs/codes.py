@@ -10,8 +10,6 @@ import numpy as np
 from matest.photographs.images import full_scale
 from matest.photographs.noise import Noise, steps
 from matest.photographs.photometry import Encoding
-from matest.photographs.windows import windows
-from matest.scene import Surface
 
 # Gaps between the smallest stored values that show how far apart codes lie near black: so many are not alike by chance.
 _GAPS = 16
@@ -35,21 +33,21 @@ _RESOLVED = 0.5
 _FLOAT_NOISE = 5e-4
 
 
-def code_step(stored: Sequence[np.ndarray], surface: Surface) -> float:
+def code_step(stored: Sequence[np.ndarray], index: np.ndarray) -> float:
     """The distance of neighbouring codes near black, in integers; 1 unless codes were stretched.
 
     Twelve bits stored in sixteen, white balance or a tone curve leave integers out.
 
     Args:
         stored: per image the surface's pixels [N, C] as in the file.
-        surface: their place in the image.
+        index: of the pixels that are looked at, those of `windows`.
     """
     if stored[0].dtype.kind != "u":
         return 1.0
-    index = windows(surface).ravel()
     present = np.zeros((int(full_scale(stored[0].dtype)) + 1, stored[0].shape[1]), dtype=bool)
     for image in {0, len(stored) - 1}:
-        present[stored[image][index], np.arange(present.shape[1])] = True
+        for channel, values in enumerate(np.take(stored[image], index.ravel(), axis=0).T):
+            present[values, channel] = True
     return min(_distance(np.flatnonzero(codes)) for codes in present.T)
 
 

@@ -9,8 +9,7 @@ import numpy as np
 from matest.photographs.images import full_scale
 from matest.photographs.noise import FLOAT_FLOOR, Noise, quantisation, steps
 from matest.photographs.photometry import Encoding
-from matest.photographs.windows import chosen_images, windows
-from matest.scene import Surface
+from matest.photographs.windows import chosen_images
 
 # Windows of the smallest sample whose noise is estimated: fewer have too uncertain medians.
 _MIN_WINDOWS = 100
@@ -36,7 +35,7 @@ _OVERLAP = 3.78
 _ROUNDS = 6
 
 
-def noise_of_photographs(stored: Sequence[np.ndarray], encoding: Encoding, surface: Surface) -> Noise:
+def noise_of_photographs(stored: Sequence[np.ndarray], encoding: Encoding, index: np.ndarray) -> Noise:
     """The noise estimated from photographs of a surface, with standard errors.
 
     A second difference removes planes and curvature along rows or columns, so that noise remains. Its variance is a
@@ -45,11 +44,11 @@ def noise_of_photographs(stored: Sequence[np.ndarray], encoding: Encoding, surfa
     Args:
         stored: per image the surface's pixels [N, C] as in the file.
         encoding: from pixels to radiance.
-        surface: their place in the image.
+        index: of the pixels of n windows [n, 9].
     """
-    index, dtype = windows(surface), stored[0].dtype
+    dtype = stored[0].dtype
     floor = quantisation(encoding, dtype)
-    parts = [_measured(stored[image][index.ravel()], encoding, index) for image in chosen_images(stored)]
+    parts = [_measured(stored[image], encoding, index) for image in chosen_images(stored)]
     level, spread, width, whole = (np.concatenate(column) for column in zip(*parts, strict=True))
     lit = level > _SHADOW_SHARE * level.max(initial=0)
     level, spread, width, whole = level[lit], spread[lit], width[lit], whole[lit]
@@ -67,31 +66,34 @@ def noise_of_photographs(stored: Sequence[np.ndarray], encoding: Encoding, surfa
     rounded = np.array([np.square(width[rows]).mean() for rows in used]) / 12
     # Subtract the uniform noise added above, and the rounding beyond that of the floor: the fit adds that itself.
     y = (y - rounded / _SECOND_DIFFERENCE_GAIN**2 - (rounded - floor**2).clip(0)).clip(0)
-    overlap = 1 + (_OVERLAP - 1) * len(index) / len(surface)
+    overlap = 1 + (_OVERLAP - 1) * len(index) / len(stored[0])
     sizes = np.array([len(rows) for rows in used]) / overlap
     return _line(x, y, sizes, floor**2 + (FLOAT_FLOOR * x.max()) ** 2)
 
 
-def _measured(pixels: np.ndarray, encoding: Encoding, index: np.ndarray) -> tuple[np.ndarray, ...]:
+def _measured(stored: np.ndarray, encoding: Encoding, index: np.ndarray) -> tuple[np.ndarray, ...]:
     """Of the n windows of an image: mean signal, second difference, width of a step, and whether no value is clipped.
 
     Args:
-        pixels: stored values [9·n, C].
+        stored: the surface's pixels [N, C] as in the file.
         encoding: from pixels to radiance.
-        index: the windows [n, 9].
+        index: of the pixels of the windows [n, 9].
 
     Returns:
         Four arrays [n·C].
     """
-    count, channels = len(index), pixels.shape[1]
-    shape = (count, 9, channels)
+    # Twice as fast as indexing.
+    pixels = np.take(stored, index.ravel(), axis=0)
     # Zero is a clipped value of integers, and of floats that a program has cut off.
-    clipped = (encoding.saturated(pixels) | (pixels == 0)).reshape(shape).any(axis=1)
-    signal = encoding.signal(pixels, index.ravel()).reshape(shape)
-    flat = signal.transpose(1, 0, 2).reshape(9, count * channels)
-    difference = (_SECOND_DIFFERENCE @ flat).reshape(count, channels)
-    columns = signal.mean(axis=1), difference, _widths(pixels.reshape(shape)[:, 4], encoding), ~clipped
-    return tuple(column.ravel() for column in columns)
+    clipped = _by_place(encoding.saturated(pixels) | (pixels == 0))
+    signal = _by_place(encoding.signal(pixels, index.ravel()))
+    widths = _widths(pixels[4::9], encoding).ravel()
+    return signal.mean(axis=0), _SECOND_DIFFERENCE @ signal, widths, np.logical_not(clipped.any(axis=0))
+
+
+def _by_place(values: np.ndarray) -> np.ndarray:
+    """Values [9·n, C] of n windows by their place in the window [9, n·C]: sums over it then run along memory."""
+    return values.reshape(-1, 9, values.shape[1]).transpose(1, 0, 2).reshape(9, -1)
 
 
 def _widths(pixels: np.ndarray, encoding: Encoding) -> np.ndarray:

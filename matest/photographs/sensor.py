@@ -13,6 +13,7 @@ from matest.photographs.noise import Noise, stated_noise
 from matest.photographs.noise_estimate import noise_of_photographs
 from matest.photographs.photometry import Encoding
 from matest.photographs.storage import release
+from matest.photographs.windows import windows
 from matest.scene import Surface
 
 
@@ -43,13 +44,14 @@ def sensor_of(
         noise: as stated; None: it is estimated.
         clips_as_stated: whether the saturation is stated; if not, levels at which values pile up are looked for.
     """
-    encoding = replace(encoding, step=code_step(stored, surface))
+    index = windows(surface)
+    encoding = replace(encoding, step=code_step(stored, index))
     dtype = stored[0].dtype
     maxima = highest(stored)
     if noise is None:
         # The highest values may be clipped ones; whether they are can only be said beside the noise of the others.
         below = encoding if clips_as_stated else _clipped_at(encoding, maxima.max(axis=0).tolist(), dtype)
-        noise = noise_of_photographs(stored, below, surface)
+        noise = noise_of_photographs(stored, below, index)
     else:
         noise = stated_noise(noise, encoding, stored[0])
     clip = None if clips_as_stated else clipping(stored, maxima, encoding, noise)

@@ -8,9 +8,11 @@ import pytest
 from matest.photographs.codes import clipping, code_step, highest
 from matest.photographs.noise import Noise
 from matest.photographs.photometry import Encoding
+from matest.photographs.windows import windows
 from tests.captures import sphere_surface
 
 SURFACE = sphere_surface(96)
+WINDOWS = windows(SURFACE)
 NORMALS = SURFACE.normals.numpy()
 DIRECTIONS = np.array([(0.2, 0.3, 0.9), (-0.5, 0.1, 0.8), (0.6, -0.4, 0.7)])
 NOISE = Noise(0.002, 0.0005)
@@ -41,14 +43,14 @@ def found(stored: list[np.ndarray], noise: Noise = NOISE) -> tuple[float | None,
 @pytest.mark.parametrize("step", [16, 73, 42.8])
 def test_codes_that_come_in_steps_are_seen_to(step: float) -> None:
     stretched = [np.round(step * np.round(image / step)).astype(np.uint16) for image in codes(signals())]
-    assert code_step(stretched, SURFACE) == pytest.approx(step, rel=0.01)
+    assert code_step(stretched, WINDOWS) == pytest.approx(step, rel=0.01)
 
 
 def test_codes_that_are_missing_by_chance_are_no_step() -> None:
-    assert code_step(codes(signals()), SURFACE) == 1
-    assert code_step(codes(signals(), 255), SURFACE) == 1
-    assert code_step([np.zeros((len(SURFACE), 1), np.uint16)], SURFACE) == 1
-    assert code_step([image.astype(np.float32) for image in signals()], SURFACE) == 1
+    assert code_step(codes(signals()), WINDOWS) == 1
+    assert code_step(codes(signals(), 255), WINDOWS) == 1
+    assert code_step([np.zeros((len(SURFACE), 1), np.uint16)], WINDOWS) == 1
+    assert code_step([image.astype(np.float32) for image in signals()], WINDOWS) == 1
 
 
 def test_the_highest_values_are_those_of_every_pixel() -> None:

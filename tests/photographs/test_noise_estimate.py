@@ -11,12 +11,14 @@ import torch
 from matest.photographs.noise import Noise, quantisation, rounding, steps
 from matest.photographs.noise_estimate import noise_of_photographs
 from matest.photographs.photometry import Encoding
+from matest.photographs.windows import windows
 from matest.scene import Surface
 from tests.captures import sphere_surface
 
 READ, GAIN = 0.004, 0.0006
 DIRECTIONS = [(0.2, 0.3, 1.0), (-0.5, 0.1, 0.8), (0.6, -0.4, 0.9), (0.0, -0.7, 0.7)]
 SURFACE = sphere_surface(256)
+WINDOWS = windows(SURFACE)
 
 
 def signals(paint: np.ndarray | float = 1.0) -> list[np.ndarray]:
@@ -42,7 +44,7 @@ def in_standard_errors(noise: Noise, read: float, gain: float) -> tuple[float, f
 def test_read_noise_and_gain_are_found_within_their_standard_errors(read: float, gain: float) -> None:
     errors = []
     for seed in range(8):
-        noise = noise_of_photographs(photographs(read, gain, seed), Encoding(), SURFACE)
+        noise = noise_of_photographs(photographs(read, gain, seed), Encoding(), WINDOWS)
         assert noise.read**2 + 0.4 * noise.gain == pytest.approx(read**2 + 0.4 * gain, rel=0.1)
         errors.append(in_standard_errors(noise, read, gain))
     # Sixteen errors, some of them cut off at zero: none beyond four, their root mean square not far from one.
@@ -52,7 +54,7 @@ def test_read_noise_and_gain_are_found_within_their_standard_errors(read: float,
 
 def test_fewer_photographs_give_larger_standard_errors() -> None:
     images = photographs(READ, GAIN, 0)
-    one, four = (noise_of_photographs(images[:count], Encoding(), SURFACE) for count in (1, 4))
+    one, four = (noise_of_photographs(images[:count], Encoding(), WINDOWS) for count in (1, 4))
     assert 1.4 < one.gain_std / four.gain_std < 4
 
 
@@ -64,7 +66,7 @@ def test_noise_of_less_than_a_code_is_found_in_8_bit_images(transfer: str, read:
     encoding = Encoding(transfer)
     lit = [image * (image > 0.05) for image in photographs(read, 0.0, 6)]
     codes = [np.round(encoding.encoded(image).clip(0, 1) * 255).astype(np.uint8) for image in lit]
-    noise = noise_of_photographs(codes, encoding, SURFACE)
+    noise = noise_of_photographs(codes, encoding, WINDOWS)
     for level in (0.2, 0.5):
         factor, power = rounding(encoding, codes[0].dtype)
         step = steps(transfer, 255)[round(float(encoding.encoded(np.array(level))) * 255)]
@@ -73,21 +75,21 @@ def test_noise_of_less_than_a_code_is_found_in_8_bit_images(transfer: str, read:
 
 
 def test_shading_without_noise_counts_for_less_than_a_thousandth() -> None:
-    noise = noise_of_photographs(photographs(0.0, 0.0, 0), Encoding(), SURFACE)
+    noise = noise_of_photographs(photographs(0.0, 0.0, 0), Encoding(), WINDOWS)
     assert math.sqrt(noise.read**2 + noise.gain * 0.5) < 1e-3
 
 
 def test_the_edges_of_a_checkerboard_are_no_noise() -> None:
     rows, columns = np.divmod(SURFACE.pixels, 256)
     paint = np.where((rows // 16 + columns // 16) % 2, 1.0, 0.6)[:, None]
-    noise = noise_of_photographs(photographs(READ, GAIN, 5, paint), Encoding(), SURFACE)
+    noise = noise_of_photographs(photographs(READ, GAIN, 5, paint), Encoding(), WINDOWS)
     assert noise.read == pytest.approx(READ, rel=0.15)
     assert noise.gain == pytest.approx(GAIN, rel=0.1)
 
 
 def test_noise_is_never_below_that_of_rounding() -> None:
     codes = [np.round(255 * image).astype(np.uint8) for image in signals()]
-    noise = noise_of_photographs(codes, Encoding(), SURFACE)
+    noise = noise_of_photographs(codes, Encoding(), WINDOWS)
     assert noise.read >= quantisation(Encoding(), np.dtype(np.uint8))
 
 
@@ -97,7 +99,8 @@ def test_too_few_pixels_fall_back_to_rounding() -> None:
         (8, 8), pixels, torch.eye(3)[[2] * 4].double(), torch.eye(3)[[2]].double(), None, np.zeros(4, bool)
     )
     codes = [np.full((4, 1), 128, np.uint8)]
-    assert noise_of_photographs(codes, Encoding(), surface) == Noise(quantisation(Encoding(), codes[0].dtype), 0.0)
+    noise = noise_of_photographs(codes, Encoding(), windows(surface))
+    assert noise == Noise(quantisation(Encoding(), codes[0].dtype), 0.0)
 
 
 def test_values_cut_off_at_black_do_not_make_the_noise_look_small() -> None:
@@ -106,7 +109,7 @@ def test_values_cut_off_at_black_do_not_make_the_noise_look_small() -> None:
     rng = np.random.default_rng(3)
     noisy = [image + rng.normal(size=image.shape) * np.sqrt(READ**2 + GAIN * image) for image in images]
     codes = [np.round(65535 * image.clip(0, 1)).astype(np.uint16) for image in noisy]
-    noise = noise_of_photographs(codes, Encoding(), SURFACE)
+    noise = noise_of_photographs(codes, Encoding(), WINDOWS)
     assert np.abs(in_standard_errors(noise, READ, GAIN)).max() < 3
 
 
@@ -118,5 +121,5 @@ def test_clipped_pixels_and_the_rim_do_not_disturb_the_noise() -> None:
     for image in images:
         image[surface.rim] = rng.random((int(surface.rim.sum()), 1))
     stored = [np.round(65535 * image.clip(0, 0.7)).astype(np.uint16) for image in images]
-    noise = noise_of_photographs(stored, Encoding(saturation=0.69), surface)
+    noise = noise_of_photographs(stored, Encoding(saturation=0.69), windows(surface))
     assert noise.read**2 + 0.5 * noise.gain == pytest.approx(READ**2 + 0.5 * GAIN, rel=0.1)
