@@ -130,7 +130,8 @@ def load_capture(
         first = read_image_file(paths[0])
     references = [Path(os.path.normpath(description.folder / name)) for _, name in description.references]
     with _time(timing, "geometry"), digested(references, sums):
-        setup = realise(description, ImageFormat.of(first.pixels), transfer=transfer)
+        # What is fitted is in single precision.
+        setup = realise(description, ImageFormat.of(first.pixels), transfer=transfer, precision=np.float32)
     with _time(timing, "read"):
         stored, notes = _decode(paths, first, setup.scene.surface.pixels, sums, progress)
     with _time(timing, "noise"):

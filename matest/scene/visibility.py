@@ -66,7 +66,7 @@ def _facing(surface: Surface, light: Light) -> np.ndarray:
     assert positions is not None
     if not light.near:
         toward, _ = light.at(None)
-        return (surface.normals.detach() @ toward[0].detach() > 0).numpy()
+        return (surface.normals.detach() @ toward[0].detach().to(surface.normals.dtype) > 0).numpy()
     facing = np.empty(len(surface), dtype=bool)
     for part in torch.arange(len(surface)).split(_AT_ONCE):
         toward, _ = light.at(positions[part])
@@ -85,10 +85,9 @@ def _blocked(surface: Surface, light: Light, index: np.ndarray) -> np.ndarray:
         part = index[first : first + _AT_ONCE]
         toward, _ = light.at(positions[part])
         origins = positions[part].detach().numpy() + _RAY_OFFSET * mesh.extent * mesh.face_normals(faces[part])
-        directions = np.ascontiguousarray(np.broadcast_to(toward.detach().numpy(), origins.shape))
-        hits, distance = mesh.first_hits(origins, directions)
-        nearer = distance < light.distance(torch.from_numpy(origins)).detach().numpy()
-        blocked[first : first + _AT_ONCE] = (hits >= 0) & nearer
+        directions = np.broadcast_to(toward.detach().numpy(), origins.shape)
+        reach = light.distance(torch.from_numpy(origins)).detach().numpy() if light.near else None
+        blocked[first : first + _AT_ONCE] = mesh.blocked(origins, directions, reach)
     return blocked
 
 
