@@ -30,6 +30,7 @@ from matest.photographs.photometry import Encoding
 from matest.photographs.storage import Storage
 from matest.progress import Progress, silent
 from matest.scene import Scene
+from matest.scene.rim import starts_of_rows
 from matest.shading import render_pixels
 from matest.workers import in_threads
 
@@ -132,7 +133,7 @@ def _radiance_of_rows(scene: SimulatedScene, image: int, rows: range) -> np.ndar
     surface, factor = scene.scene.surface, scene.supersampling
     width, height = surface.shape[1], factor * len(rows)
     start = factor * rows.start * width
-    first, last = np.searchsorted(surface.pixels, [start, start + height * width])
+    first, last = starts_of_rows(surface.pixels, width, factor * rows.start, factor * rows.stop)
     index = torch.arange(int(first), int(last))
     fine = np.zeros((height * width, scene.scene.channels))
     if len(index):

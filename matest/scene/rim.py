@@ -33,16 +33,23 @@ def near_silhouette(
     rows = max(_AT_ONCE // width, 1)
     for first in range(0, height, rows):
         top, bottom = max(first - _MARGIN, 0), min(first + rows + _MARGIN, height)
-        ends = np.searchsorted(pixels, np.array([top, first, first + rows, bottom]) * width)
+        ends = starts_of_rows(pixels, width, top, first, first + rows, bottom)
         around, within = slice(ends[0], ends[3]), slice(ends[1], ends[2])
         places = pixels[around] - top * width
         inside = np.zeros((bottom - top, width), dtype=np.uint8)
-        inside.flat[places] = 1
+        inside.reshape(-1)[places] = 1
         if depth is not None and jump is not None:
             inside[_jumps(inside, places, depth[around], jump[around])] = 0
         interior = cv2.erode(inside, _WITHIN_RIM, borderType=cv2.BORDER_CONSTANT, borderValue=1)
-        rim[within] = interior.flat[pixels[within] - top * width] == 0
+        rim[within] = interior.reshape(-1)[pixels[within] - top * width] == 0
     return rim
+
+
+def starts_of_rows(pixels: np.ndarray, width: int, *rows: int) -> np.ndarray:
+    """How many of the object's pixels, ascending flat indices [N], lie above each of some rows of an image."""
+    # In the type of the pixels, because numpy would convert all of these otherwise; no pixel lies beyond the last row.
+    places = np.minimum(np.array(rows) * width, np.iinfo(pixels.dtype).max)
+    return np.searchsorted(pixels, places.astype(pixels.dtype))
 
 
 def _jumps(inside: np.ndarray, places: np.ndarray, depth: np.ndarray, jump: np.ndarray) -> np.ndarray:
@@ -50,6 +57,6 @@ def _jumps(inside: np.ndarray, places: np.ndarray, depth: np.ndarray, jump: np.n
     import cv2
 
     image, allowed = np.zeros(inside.shape, np.float32), np.zeros(inside.shape, np.float32)
-    image.flat[places], allowed.flat[places] = depth, jump
+    image.reshape(-1)[places], allowed.reshape(-1)[places] = depth, jump
     span = cv2.morphologyEx(image, cv2.MORPH_GRADIENT, _NEIGHBOURS)
     return (span > allowed) & (cv2.erode(inside, _NEIGHBOURS) > 0)

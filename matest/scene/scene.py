@@ -14,7 +14,7 @@ from matest.parameters import Role
 from matest.scene.lights import Light
 from matest.scene.points import Points, illuminate
 from matest.scene.surface import Surface
-from matest.scene.visibility import cast_shadows, shadow_edges, unoccluded_fraction
+from matest.scene.visibility import cast_shadows, grid_of_large, shadow_edges, unoccluded_fraction
 from matest.workers import in_threads
 
 
@@ -67,9 +67,10 @@ class Scene:
 
     def with_shadows(self) -> Scene:
         """The same scene with its cast shadows traced, and the sky that each pixel sees if there is ambient light."""
+        grid = grid_of_large(self.surface)
 
         def trace(lights: tuple[Light, ...]) -> tuple[np.ndarray | None, np.ndarray | None]:
-            traced = [cast_shadows(self.surface, light) for light in lights]
+            traced = [cast_shadows(self.surface, light, grid) for light in lights]
             if not traced or traced[0] is None:
                 return None, None
             shadows = np.stack([shadow for shadow in traced if shadow is not None])
