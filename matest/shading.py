@@ -81,7 +81,7 @@ def render_image(
     index = torch.arange(len(scene.surface))
     radiance = render_pixels(scene, image, material, index, dtype=dtype, device=device)
     flat = radiance.new_zeros(height * width, radiance.shape[-1])
-    pixels = torch.from_numpy(scene.surface.pixels).to(device)
+    pixels = torch.from_numpy(scene.surface.pixels).to(device, torch.int64)
     return flat.index_copy(0, pixels, radiance).reshape(height, width, -1)
 
 

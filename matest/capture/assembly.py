@@ -22,6 +22,7 @@ from matest.photographs.photometry import Encoding
 from matest.photographs.sensor import Sensor
 from matest.scene.lights import DirectionalLight, Light, PointLight, unit_direction
 from matest.scene.scene import Scene
+from matest.scene.sight import Precision
 from matest.scene.surface import Surface
 
 # Saturation of integer images that do not state theirs, fraction of full scale: many cameras clip a little below it.
@@ -95,7 +96,12 @@ class Setup:
 
 
 def realise(
-    description: Description, images: ImageFormat, *, transfer: str | float | None = None, supersampling: int = 1
+    description: Description,
+    images: ImageFormat,
+    *,
+    transfer: str | float | None = None,
+    supersampling: int = 1,
+    precision: Precision = np.float64,
 ) -> Setup:
     """Geometry, light and camera of a description.
 
@@ -104,12 +110,13 @@ def realise(
         images: their format.
         transfer: overrides `encoding.transfer`: "linear", "srgb" or a gamma.
         supersampling: rays per pixel and axis: the scene has so many times the images' resolution.
+        precision: of the surface.
 
     Raises:
         InputError: anything about the files that cannot be used, in one sentence.
     """
     tables = description.tables
-    surface = visible_surface(description, images.shape, supersampling)
+    surface = visible_surface(description, images.shape, supersampling, precision)
     encoding = _encoding(description, images, surface, transfer)
     powers_stated = all(light.power_stated for image in tables.image for light in image.lights)
     return Setup(

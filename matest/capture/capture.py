@@ -159,7 +159,8 @@ def _setup(
     """
     images = ImageFormat.of(first.pixels)
     try:
-        return realise(description, images, transfer=transfer)
+        # What is fitted is in single precision.
+        return realise(description, images, transfer=transfer, precision=np.float32)
     except InputError:
         # A mask, say, that does not fit the first image may fit all others.
         if len(paths) > 1 and ImageFormat.of(read_image(paths[1])) != images:

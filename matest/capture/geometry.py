@@ -14,6 +14,7 @@ from matest.errors import Fault, InputError, errors_of, refuse
 from matest.photographs.images import full_scale, read_image, read_mask
 from matest.scene.camera import Camera
 from matest.scene.mesh import Mesh
+from matest.scene.sight import Precision
 from matest.scene.surface import Surface, fit_circle, from_mesh, from_normals, from_sphere
 
 
@@ -25,6 +26,7 @@ class _View:
         shape: height and width of the images in pixels.
         coverage: of each pixel by the mask, [H, W] in [0, 1].
         camera: for `factor` times the resolution of the images.
+        precision: of the surface.
     """
 
     description: Description
@@ -32,6 +34,7 @@ class _View:
     factor: int
     coverage: np.ndarray | None
     camera: Camera | None
+    precision: Precision
 
     @property
     def fine_shape(self) -> tuple[int, int]:
@@ -40,11 +43,15 @@ class _View:
     @property
     def mask(self) -> np.ndarray | None:
         inside = None if self.coverage is None else self.coverage > 0
-        return None if inside is None else inside.repeat(self.factor, axis=0).repeat(self.factor, axis=1)
+        if inside is None or self.factor == 1:
+            return inside
+        return inside.repeat(self.factor, axis=0).repeat(self.factor, axis=1)
 
 
-def visible_surface(description: Description, shape: tuple[int, int], factor: int = 1) -> Surface:
-    """The surface that images of `shape` show, sampled by `factor` × `factor` rays per pixel.
+def visible_surface(
+    description: Description, shape: tuple[int, int], factor: int = 1, precision: Precision = np.float64
+) -> Surface:
+    """The surface that images of `shape` show, sampled by `factor` × `factor` rays per pixel, in some precision.
 
     Raises:
         InputError: geometry missing or ambiguous, or of another size than the images.
@@ -58,7 +65,7 @@ def visible_surface(description: Description, shape: tuple[int, int], factor: in
         coverage = read_mask(description.path(tables.mask, "mask"))
         check_size(coverage, shape, f"{description.folder / tables.mask}: the mask")
     camera = None if tables.camera is None else _camera(tables.camera, str(file), factor)
-    return _SURFACES[kinds[0]](_View(description, shape, factor, coverage, camera))
+    return _SURFACES[kinds[0]](_View(description, shape, factor, coverage, camera, precision))
 
 
 def check_size(image: np.ndarray, shape: tuple[int, int], label: str) -> None:
@@ -107,7 +114,7 @@ def _of_mesh(view: _View) -> Surface:
     path = description.path(description.tables.geometry.mesh or "", "geometry.mesh")
     mesh = Mesh.load(path)
     with errors_of(path):
-        return from_mesh(mesh, camera, view.fine_shape, view.mask)
+        return from_mesh(mesh, camera, view.fine_shape, view.mask, view.precision)
 
 
 def _of_normals(view: _View) -> Surface:
@@ -117,7 +124,7 @@ def _of_normals(view: _View) -> Surface:
     if geometry.positions is not None:
         positions_path = view.description.path(geometry.positions, "geometry.positions")
         positions = _vectors(positions_path, view.shape, "positions")
-    surface = from_normals(normals, view.camera, view.mask, positions)
+    surface = from_normals(normals, view.camera, view.mask, positions, view.precision)
     if not len(surface):
         raise InputError(f"{path}: no pixel has a normal that faces the viewer; z must point toward the viewer.")
     return surface
@@ -131,7 +138,8 @@ def _of_sphere(view: _View) -> Surface:
             "as a mesh."
         )
     centre, radius = _circle(view)
-    surface = from_sphere(view.fine_shape, (factor * centre[0], factor * centre[1]), factor * radius, view.mask)
+    centre_of_rays = (factor * centre[0], factor * centre[1])
+    surface = from_sphere(view.fine_shape, centre_of_rays, factor * radius, view.mask, view.precision)
     if not len(surface):
         raise InputError(f"{label}: the sphere at {centre} with radius {radius} covers no pixel of the image and mask.")
     return surface

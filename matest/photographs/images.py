@@ -119,10 +119,11 @@ def read_mask(path: Path) -> np.ndarray:
     """
     file = read_image_file(path)
     level = file.pixels.max(axis=2) if file.coverage is None or _constant(file.coverage) else file.coverage
-    image = level.astype(np.float64)
+    image = level.astype(np.float32)
     if not image.any():
         raise InputError(f"{path}: expected a mask whose nonzero pixels are the object; it is zero everywhere.")
-    return image / image.max()
+    image /= image.max()
+    return image
 
 
 def _constant(coverage: np.ndarray) -> bool:

@@ -129,7 +129,7 @@ class LitPixels:
             toward, _ = light.to(torch.float32, "cpu").at(positions)
             reaches = dot(normals, toward) > 0
             if shadows is not None:
-                reaches &= torch.from_numpy(~shadows[number])[index]
+                reaches &= torch.from_numpy(~shadows[number][index])
             yield toward, reaches
 
     def _dark(self, image: int) -> np.ndarray:

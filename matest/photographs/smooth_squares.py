@@ -97,8 +97,9 @@ def find_squares(scene: Scene, blocks: np.ndarray) -> SmoothSquares:
     """The smooth squares of the scene's surface; small and large ones are each ordered by block [N]."""
     surface = scene.surface
     width = surface.shape[1]
-    index = np.full(surface.shape[0] * width, -1)
-    index[surface.pixels] = np.arange(len(surface))
+    # In 32 bits, because memory limits the size of a capture here.
+    index = np.full(surface.shape[0] * width, -1, dtype=np.int32)
+    index[surface.pixels] = np.arange(len(surface), dtype=np.int32)
 
     # Squares are identified by the pixel at their centre.
     centres = _centres(surface.shape, SMALL_SIDE)
@@ -162,8 +163,9 @@ def _smooth(scene: Scene, pixels: np.ndarray, polynomial: Tensor, rows: Iterable
     """
     surface = scene.surface
     features = [surface.normals_as(torch.float32).detach()]
-    if len(surface.view) > 1:
-        features.append(surface.view.float())
+    view = surface.view.float()
+    if len(view) > 1:
+        features.append(view)
     near = [light for lights in scene.lights for light in lights if light.near]
     if near and surface.positions is not None:
         closest = min(float(light.distance(surface.positions).min()) for light in near)

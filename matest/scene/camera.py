@@ -69,19 +69,36 @@ class Camera:
             shape: height and width of the image in pixels.
             pixels: flat indices [N].
         """
-        rows, columns = np.divmod(pixels, shape[1])
-        x, y = columns + 0.5, rows + 0.5
-        right, up, backward = self._axes()
+        return self.through(*self.plane(shape, pixels))
+
+    def through(self, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Origins and unit directions of the rays through places on the plane of the image, as `plane` gives them."""
+        axes = self._axes()
+        offsets, backward = np.stack([u, v], axis=1) @ axes[:2], axes[2]
         if self.orthographic:
-            unit = (self.height or 1.0) / shape[0]
-            u = (x - shape[1] / 2) * unit
-            v = (shape[0] / 2 - y) * unit
-            origins = np.asarray(self.position, dtype=float) + u[:, None] * right + v[:, None] * up
+            origins = np.asarray(self.position, dtype=float) + offsets
             return origins, np.broadcast_to(-backward, origins.shape)
-        u, v = self._normalised(shape, x, y)
-        directions = u[:, None] * right - v[:, None] * up - backward
+        directions = offsets - backward
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         return np.broadcast_to(np.asarray(self.position, dtype=float), directions.shape), directions
+
+    def plane(self, shape: tuple[int, int], pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Where the rays of `pixels` (flat indices) cross the plane of the image: to the right and up, [N] each.
+
+        World units from the axis of an orthographic camera, at unit depth before a perspective one.
+        """
+        rows = pixels // shape[1]
+        x, y = pixels - rows * shape[1] + 0.5, rows + 0.5
+        if self.orthographic:
+            unit = (self.height or 1.0) / shape[0]
+            return (x - shape[1] / 2) * unit, (shape[0] / 2 - y) * unit
+        u, v = self._normalised(shape, x, y)
+        return u, -v
+
+    def coordinates(self, points: np.ndarray) -> np.ndarray:
+        """Points of the world [..., 3] to the right, up, and along the line of sight, from the camera's position."""
+        right, up, backward = self._axes()
+        return np.subtract(points, self.position) @ np.stack([right, up, -backward], axis=1)
 
     def pixel_matrix(self, shape: tuple[int, int]) -> np.ndarray:
         """The 3×3 pinhole matrix of a perspective camera for an image of this shape."""

@@ -1,4 +1,4 @@
-"""Triangle meshes: reading them and casting rays at them (trimesh with Embree)."""
+"""Triangle meshes: reading them and casting rays at them (trimesh and Embree)."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ _MAX_HULL_FACES = 50_000
 _CONVEX_TOLERANCE = 1e-4
 # Largest angle between two faces (rad) whose normals are averaged: sharper edges are edges of the object.
 _SMOOTH_ANGLE = np.deg2rad(45)
+# Extent of a mesh as Embree sees it, so that what it takes for small does not depend on the unit of length.
+_EMBREE_EXTENT = 100.0
 
 
 class Mesh:
@@ -64,8 +66,8 @@ class Mesh:
         return cls(np.asarray(mesh.vertices), np.asarray(mesh.faces), _normals_of_file(scene))
 
     @cached_property
-    def _corner_normals(self) -> np.ndarray:
-        """A normal for every corner of every face, [F, 3, 3]."""
+    def corner_normals(self) -> np.ndarray:
+        """A normal for every corner of every face, of any length, [F, 3, 3]."""
         if self._file_normals is not None:
             return self._file_normals
         from scipy.sparse import coo_matrix
@@ -103,7 +105,7 @@ class Mesh:
         """Length of the bounding box's diagonal."""
         return float(self._mesh.scale)
 
-    @property
+    @cached_property
     def bounds(self) -> np.ndarray:
         """Lowest and highest corner, [2, 3]."""
         return np.asarray(self._mesh.bounds)
@@ -112,40 +114,51 @@ class Mesh:
         """Smallest coordinate of the bounding box along a unit vector [3]."""
         return float((self.bounds * direction).min(axis=0).sum())
 
-    def first_hits(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Index of the first triangle along each ray (−1: none) and the distance to it (infinite: none).
+    def first_faces(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        """Index of the first triangle along each ray, −1: none, int32 [n].
 
-        Embree finds the triangle in single precision; the distance is computed here in double.
+        Embree finds it in single precision.
+
+        Args:
+            origins: of the rays [n, 3].
+            directions: of any length [n, 3].
         """
-        faces = self._rays.intersects_first(origins, directions)
-        distance = np.full(len(origins), np.inf)
-        hit = faces >= 0
-        normal = self._mesh.face_normals[faces[hit]]
-        corner = self._mesh.triangles[faces[hit], 0]
-        toward = np.einsum("ij,ij->i", directions[hit], normal)
-        distance[hit] = np.einsum("ij,ij->i", corner - origins[hit], normal) / np.where(toward == 0, -1e-12, toward)
-        return faces, distance
+        return self._embree.run(self._scaled(origins), _single(directions))
 
-    def blocked(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-        """Whether each ray meets any triangle."""
-        return np.asarray(self._rays.intersects_any(origins, directions))
+    def blocked(self, origins: np.ndarray, directions: np.ndarray, reach: np.ndarray | None = None) -> np.ndarray:
+        """Whether each ray meets any triangle, within a distance [n] if given."""
+        distances = None if reach is None else _single(reach * self._scale)
+        hits = self._embree.run(self._scaled(origins), _single(directions), dists=distances, query="OCCLUDED")
+        return np.asarray(hits >= 0)
 
-    def interpolated_normals(self, faces: np.ndarray, positions: np.ndarray) -> np.ndarray:
-        """Unit normals [N, 3], smooth-shaded: normals of the corners weighted by barycentric coordinates."""
-        import trimesh
-
-        weights = trimesh.triangles.points_to_barycentric(self._mesh.triangles[faces], positions)
-        normals = np.einsum("nk,nkj->nj", weights.clip(0, 1), self._corner_normals[faces])
-        return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    @property
+    def triangles(self) -> np.ndarray:
+        """Corners of the faces [F, 3, 3]."""
+        return np.asarray(self._mesh.triangles)
 
     def face_normals(self, faces: np.ndarray) -> np.ndarray:
         return np.asarray(self._mesh.face_normals[faces])
 
-    @cached_property
-    def _rays(self):  # type: ignore[no-untyped-def]
-        from trimesh.ray.ray_pyembree import RayMeshIntersector
+    def _scaled(self, points: np.ndarray) -> np.ndarray:
+        """Points in the coordinates that Embree sees: the bounding box at the origin, with a diagonal of 100."""
+        return _single((points - self.bounds[0]) * self._scale)
 
-        return RayMeshIntersector(self._mesh)
+    @property
+    def _scale(self) -> float:
+        return _EMBREE_EXTENT / self.extent
+
+    @cached_property
+    def _embree(self):  # type: ignore[no-untyped-def]
+        from embreex.mesh_construction import TriangleMesh
+        from embreex.rtcore_scene import EmbreeScene
+
+        scene = EmbreeScene()
+        TriangleMesh(scene=scene, vertices=self._scaled(self._mesh.vertices), indices=self._mesh.faces.astype(np.int32))
+        return scene
+
+
+def _single(values: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(values, dtype=np.float32)
 
 
 def _normals_of_file(scene) -> np.ndarray | None:  # type: ignore[no-untyped-def]

@@ -11,10 +11,11 @@ from torch import Tensor
 
 from matest.errors import InputError
 from matest.parameters import Role
+from matest.scene.bits import Bits
 from matest.scene.lights import Light
 from matest.scene.points import Points, illuminate
 from matest.scene.surface import Surface
-from matest.scene.visibility import cast_shadows, shadow_edges, unoccluded_fraction
+from matest.scene.visibility import cast_shadows, grid_of_large, shadow_edges, unoccluded_fraction
 from matest.workers import in_threads
 
 
@@ -26,7 +27,7 @@ class Scene:
         surface: the object's pixels.
         lights: the lights of each image.
         ambient: ambient radiance of each image, [K, C].
-        shadows: per image, lights × pixels, True where the light is blocked; None where nothing can block it.
+        shadows: per image and light, the pixels where the light is blocked; None where nothing can block it.
         shadow_edge: per image, pixels on the edge of a cast shadow; None likewise.
         unoccluded: share of an even sky that each pixel sees, [N]; None where it is 1, or there is no ambient light.
         wavelength: of each channel in µm, [C], if known.
@@ -35,8 +36,8 @@ class Scene:
     surface: Surface
     lights: tuple[tuple[Light, ...], ...]
     ambient: Tensor
-    shadows: tuple[np.ndarray | None, ...] = ()
-    shadow_edge: tuple[np.ndarray | None, ...] = ()
+    shadows: tuple[tuple[Bits, ...] | None, ...] = ()
+    shadow_edge: tuple[Bits | None, ...] = ()
     unoccluded: np.ndarray | None = None
     wavelength: Tensor | None = None
 
@@ -67,13 +68,17 @@ class Scene:
 
     def with_shadows(self) -> Scene:
         """The same scene with its cast shadows traced, and the sky that each pixel sees if there is ambient light."""
+        grid = grid_of_large(self.surface)
 
-        def trace(lights: tuple[Light, ...]) -> tuple[np.ndarray | None, np.ndarray | None]:
-            traced = [cast_shadows(self.surface, light) for light in lights]
-            if not traced or traced[0] is None:
-                return None, None
-            shadows = np.stack([shadow for shadow in traced if shadow is not None])
-            return shadows, np.any([shadow_edges(self.surface, shadow) for shadow in shadows], axis=0)
+        def trace(lights: tuple[Light, ...]) -> tuple[tuple[Bits, ...] | None, Bits | None]:
+            shadows, edges = [], np.zeros(len(self.surface), dtype=bool)
+            for light in lights:
+                shadow = cast_shadows(self.surface, light, grid)
+                if shadow is None:
+                    return None, None
+                edges |= shadow_edges(self.surface, shadow)
+                shadows.append(Bits.of(shadow))
+            return (tuple(shadows), Bits.of(edges)) if shadows else (None, None)
 
         shadows, edges = zip(*in_threads(trace, self.lights), strict=True)
         return dataclasses.replace(
@@ -108,6 +113,9 @@ class Scene:
             if self.unoccluded is not None:
                 sky = sky * torch.from_numpy(self.unoccluded)[index].to(device, dtype)[:, None]
         shadows = self.shadows[image] if self.shadows else None
+        blocked = None
+        if shadows is not None:
+            blocked = torch.stack([torch.from_numpy(shadow[index]) for shadow in shadows]).to(device)
         positions = self.near_positions(image, index)
         return illuminate(
             surface.normals_as(dtype)[index].to(device),
@@ -115,5 +123,5 @@ class Scene:
             [light.to(dtype, device) for light in self.lights[image]],
             positions=None if positions is None else positions.to(device, dtype),
             ambient=sky,
-            blocked=None if shadows is None else torch.from_numpy(shadows)[:, index].to(device),
+            blocked=blocked,
         )

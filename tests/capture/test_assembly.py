@@ -20,7 +20,7 @@ def test_a_capture_is_the_setup_of_its_description_with_pixels(folder: CaptureFo
     folder.tables |= {"noise": {"read": 0.01}, "encoding": {"scale": 2.0, "black": 0.1}}
     folder.tables["image"][1]["exposure"] = 3.0
     capture = folder.load()
-    setup = realise(describe(folder.path, schema.CaptureFile), FLOATS)
+    setup = realise(describe(folder.path, schema.CaptureFile), FLOATS, precision=np.float32)
     assert setup.noise == Noise(0.01, 0.0)
     assert (setup.exposures, setup.relative, setup.names) == ((1.0, 3.0), False, ("00.npy", "01.npy"))
     assert (setup.encoding.scale, setup.encoding.black, setup.encoding.saturation) == (2.0, 0.1, None)

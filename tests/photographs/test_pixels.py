@@ -61,12 +61,13 @@ def test_skipped_pixels_are_what_they_are_called():
 def test_pixels_in_a_cast_shadow_or_on_its_edge_are_no_samples():
     scene = plate_scene()
     samples = photograph(scene).samples()
-    out = scene.shadows[0][0] | scene.shadow_edge[0] | scene.surface.rim
+    out = np.asarray(scene.shadows[0][0]) | np.asarray(scene.shadow_edge[0]) | scene.surface.rim
     np.testing.assert_array_equal(samples.indices(0), np.flatnonzero(~out))
     # Where one of two lamps is blocked the other still shows the material.
-    out = scene.shadows[1].all(axis=0) | scene.shadow_edge[1] | scene.surface.rim
+    shadows = np.stack(scene.shadows[1])
+    out = shadows.all(axis=0) | np.asarray(scene.shadow_edge[1]) | scene.surface.rim
     np.testing.assert_array_equal(samples.indices(1), np.flatnonzero(~out))
-    assert (scene.shadows[1].any(axis=0) & ~out).any()
+    assert (shadows.any(axis=0) & ~out).any()
 
 
 @pytest.mark.parametrize("kind", ["sphere", "plates", "map"])
@@ -157,7 +158,7 @@ def test_a_light_reaches_the_pixels_that_face_it_and_are_not_in_shadow() -> None
     pixels = LitPixels(photograph(scene), (0, 1), torch.float32, "cpu")
     (toward, reaches), (_, by_left) = pixels.lights(1)
     torch.testing.assert_close(toward, RIGHT.direction[None].float())
-    assert torch.equal(reaches, torch.from_numpy(~scene.shadows[1][0]))
+    assert torch.equal(reaches, torch.from_numpy(~np.asarray(scene.shadows[1][0])))
     assert not torch.equal(reaches, by_left)
     some = torch.tensor([5, 300, 17])
     assert torch.equal(next(pixels.lights(1, some))[1], reaches[some])

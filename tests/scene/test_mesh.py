@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from matest.scene import Mesh
+from matest.scene import Camera, Mesh
+from matest.scene.surface import from_mesh
 from tests.captures import refusal
 
 EXTENTS = np.array([2.0, 1.0, 0.5])
@@ -35,6 +36,14 @@ def slab_distance(origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
     return np.where(enter < leave, enter, np.inf)
 
 
+def first_hits(mesh: Mesh, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The first triangle along each ray and the distance to its plane, infinite where there is none."""
+    faces = mesh.first_faces(origins, directions)
+    normals, corners = mesh.face_normals(faces), mesh.triangles[faces, 0]
+    distance = ((corners - origins) * normals).sum(axis=1) / (directions * normals).sum(axis=1)
+    return faces, np.where(faces < 0, np.inf, distance)
+
+
 def test_a_missing_texture_of_a_mesh_is_no_concern(tmp_path):
     file = tmp_path / "ball.ply"
     BALL.export(file, encoding="ascii")
@@ -47,7 +56,7 @@ def test_a_missing_texture_of_a_mesh_is_no_concern(tmp_path):
 
 def test_first_hits_on_a_box_agree_with_the_slab_method(rng):
     origins, directions = random_rays(rng, 20_000, 1.0)
-    faces, distance = as_mesh(trimesh.creation.box(EXTENTS)).first_hits(origins, directions)
+    faces, distance = first_hits(as_mesh(trimesh.creation.box(EXTENTS)), origins, directions)
     expected = slab_distance(origins, directions)
     # Embree decides in single precision which side of an edge a ray passes; no ray of this seed is that near to one.
     np.testing.assert_array_equal(faces >= 0, np.isfinite(expected))
@@ -58,7 +67,7 @@ def test_first_hits_on_a_box_agree_with_the_slab_method(rng):
 def test_first_hits_on_an_icosphere_are_within_its_sagitta_of_the_sphere(rng):
     origins, _ = random_rays(rng, 5_000, 1.0)
     ball = trimesh.creation.icosphere(5)
-    _, distance = as_mesh(ball).first_hits(origins, -origins / 5)
+    _, distance = first_hits(as_mesh(ball), origins, -origins / 5)
     edge = ball.edges_unique_length.max()
     sagitta = 1 - np.sqrt(1 - edge**2 / 3)
     assert sagitta < 3e-4 < edge / 10
@@ -69,7 +78,7 @@ def test_first_hits_on_an_icosphere_are_within_its_sagitta_of_the_sphere(rng):
 def test_rays_that_pass_a_sphere_by_hit_nothing(rng):
     origins, directions = random_rays(rng, 5_000, 3.0)
     impact = np.linalg.norm(np.cross(origins, directions), axis=1)
-    faces, distance = as_mesh(trimesh.creation.icosphere(5)).first_hits(origins, directions)
+    faces, distance = first_hits(as_mesh(trimesh.creation.icosphere(5)), origins, directions)
     assert (faces[impact > 1] == -1).all()
     assert np.isinf(distance[impact > 1]).all()
     assert (faces[impact < 0.999] >= 0).all()
@@ -79,17 +88,25 @@ def test_the_nearer_of_two_surfaces_is_hit():
     low, high = trimesh.creation.box((2, 2, 0.1)), trimesh.creation.box((1, 1, 0.1))
     high.apply_translation((0, 0, 1))
     origins = np.array([[0.1, 0.2, 5.0], [0.8, 0.7, 5.0]])
-    _, distance = as_mesh(low, high).first_hits(origins, np.broadcast_to([0.0, 0.0, -1.0], (2, 3)))
+    _, distance = first_hits(as_mesh(low, high), origins, np.broadcast_to([0.0, 0.0, -1.0], (2, 3)))
     np.testing.assert_allclose(distance, [3.95, 4.95], rtol=1e-12)
 
 
-def test_smooth_normals_of_an_icosphere_are_those_of_the_sphere(rng):
-    origins, _ = random_rays(rng, 5_000, 1.0)
+def test_a_ray_is_blocked_by_what_lies_within_its_reach(rng):
+    origins, directions = random_rays(rng, 5_000, 1.0)
+    box = as_mesh(trimesh.creation.box(EXTENTS))
+    expected = slab_distance(origins, directions)
+    np.testing.assert_array_equal(box.blocked(origins, directions), np.isfinite(expected))
+    reach = rng.uniform(3, 7, len(origins))
+    near = np.abs(reach - expected) < 1e-5
+    np.testing.assert_array_equal(box.blocked(origins, directions, reach)[~near], (expected < reach)[~near])
+
+
+def test_smooth_normals_of_an_icosphere_are_those_of_the_sphere():
     mesh = as_mesh(trimesh.creation.icosphere(5))
-    faces, distance = mesh.first_hits(origins, -origins / 5)
-    positions = origins * (1 - distance[:, None] / 5)
+    surface = from_mesh(mesh, Camera(position=(1.0, 2.0, 4.5), fov_y=0.4), (120, 120))
+    positions, smooth, flat = surface.positions.numpy(), surface.normals.numpy(), mesh.face_normals(surface.faces)
     exact = positions / np.linalg.norm(positions, axis=1, keepdims=True)
-    smooth, flat = mesh.interpolated_normals(faces, positions), mesh.face_normals(faces)
     np.testing.assert_allclose(np.linalg.norm(smooth, axis=1), 1, atol=1e-14)
     error = np.linalg.norm(smooth - exact, axis=1)
     # The vertex normals, means over irregular fans of triangles, are off by up to 0.075° at this subdivision.

@@ -9,6 +9,7 @@ import torch
 from matest.brdf import CookTorrance, Lambert, OrenNayar
 from matest.directions import to_local
 from matest.scene import Camera, Scene
+from matest.scene.bits import Bits
 from matest.scene.surface import from_normals
 from matest.shading import render
 from tests.captures import directional, point, scene_of, sphere_surface
@@ -94,7 +95,7 @@ def test_a_blocked_light_has_no_irradiance():
     shadow = np.zeros((2, len(surface)), bool)
     shadow[1, ::3] = True
     scene = scene_of(surface, directional(FAR, 2.0, 3.0), directional((0.0, 0.0, 1.0), 5.0, 7.0))
-    irradiance = dataclasses.replace(scene, shadows=(shadow,)).points(0).irradiance
+    irradiance = dataclasses.replace(scene, shadows=(tuple(map(Bits.of, shadow)),)).points(0).irradiance
     expected = torch.tensor([[2.0, 3.0], [5.0, 7.0]]).repeat(len(surface), 1, 1)
     expected[::3, 1] = 0
     assert torch.equal(irradiance.expand_as(expected), expected)

@@ -252,7 +252,7 @@ def test_rays_cast_in_parts_give_the_same_surface(monkeypatch):
     camera = Camera(position=(0.5, 0.2, 5.0), fov_y=30.0)
     mesh = Mesh(vase.vertices, vase.faces)
     whole = from_mesh(mesh, camera, (40, 50))
-    monkeypatch.setattr("matest.scene.surface._RAYS", 300)
+    monkeypatch.setattr("matest.scene.sight._RAYS", 300)
     parts = from_mesh(mesh, camera, (40, 50))
     np.testing.assert_array_equal(parts.pixels, whole.pixels)
     np.testing.assert_array_equal(parts.rim, whole.rim)

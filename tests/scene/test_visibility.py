@@ -145,8 +145,8 @@ def test_with_shadows_traces_every_light_of_every_image(plate_above_plane):
     one = scene_of(plate_above_plane, first)
     scene = Scene(plate_above_plane, ((first,), (first, second), ()), one.ambient.expand(3, 1)).with_shadows()
     expected = [cast_shadows(plate_above_plane, light) for light in (first, second)]
-    np.testing.assert_array_equal(scene.shadows[0], expected[:1])
-    np.testing.assert_array_equal(scene.shadows[1], expected)
+    np.testing.assert_array_equal(np.stack(scene.shadows[0]), expected[:1])
+    np.testing.assert_array_equal(np.stack(scene.shadows[1]), expected)
     assert scene.shadows[2] is None
     edges = [shadow_edges(plate_above_plane, shadow) for shadow in expected]
     np.testing.assert_array_equal(scene.shadow_edge[1], edges[0] | edges[1])
@@ -168,8 +168,8 @@ def test_large_images_have_the_shadows_that_every_ray_gives(monkeypatch, occlude
     expected = cast_shadows(surface, light)
     assert expected.any()
     rays = []
-    first_hits = Mesh.first_hits
+    blocked = Mesh.blocked
     monkeypatch.setattr(visibility, "_ALL_TRACED", 0)
-    monkeypatch.setattr(Mesh, "first_hits", lambda self, o, d: rays.append(len(o)) or first_hits(self, o, d))
+    monkeypatch.setattr(Mesh, "blocked", lambda self, o, *rest: rays.append(len(o)) or blocked(self, o, *rest))
     np.testing.assert_array_equal(cast_shadows(surface, light), expected)
     assert sum(rays) < 0.5 * len(surface)
