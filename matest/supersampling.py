@@ -12,6 +12,7 @@ import torch
 from matest.bands import Band, bands
 from matest.brdf import Brdf
 from matest.scene import Scene, Surface
+from matest.scene.bits import Bits
 from matest.shading import render_pixels
 from matest.workers import in_threads
 
@@ -71,16 +72,21 @@ class PixelMeans:
             shape=(surface.shape[0] // factor, width),
             pixels=np.concatenate([band.covered + band.rows.start * width for band in strips]),
             normals=torch.from_numpy(normals / length[:, None]),
-            view=surface.view[:1],
+            sightlines=None if surface.sightlines is None else surface.sightlines[:1],
             positions=positions,
             rim=np.zeros(len(normals), dtype=bool),
             eye=surface.eye,
         )
-        shares = [None if shadows is None else mean(shadows.T).T for shadows in scene.shadows]
+        shares = [
+            None if shadows is None else np.stack([mean(np.asarray(shadow)) for shadow in shadows])
+            for shadows in scene.shadows
+        ]
         coarse = dataclasses.replace(
             scene,
             surface=points,
-            shadows=tuple(None if share is None else share > 0 for share in shares),
+            shadows=tuple(
+                None if share is None else tuple(Bits.of(of_light > 0) for of_light in share) for share in shares
+            ),
             shadow_edge=(),
             unoccluded=None if scene.unoccluded is None else mean(scene.unoccluded),
         )

@@ -33,9 +33,9 @@ class Columns:
         return self.sums(coefficients[:, None])[0]
 
     def sums(self, coefficients: Tensor) -> Tensor:
-        """Several weighted sums [Q, n, C] for coefficients [C, Q, K]."""
+        """Several weighted sums [Q, n, C] for coefficients [C, Q, K]; each channel is an array of its own."""
         weights = coefficients.to(self.values) * self.tint[:, None, None]
-        return (weights @ self.values).permute(1, 2, 0).contiguous()
+        return (weights @ self.values).permute(1, 2, 0)
 
 
 def light_columns(

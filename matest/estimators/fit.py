@@ -15,6 +15,7 @@ from matest.estimators.pilot import fit_batches
 from matest.estimators.unknowns import Problem
 from matest.progress import Progress, silent
 from matest.samples import Samples
+from matest.workers import single_threaded_torch
 
 # Samples of the pilot: its own error is then small enough for one Gauss-Newton step to reach the optimum of all.
 _PILOT_SAMPLES = 24_000
@@ -30,6 +31,7 @@ _MAX_SUBSAMPLE_SHARE = 0.04
 _DESCRIBED_CHI2 = 1.1
 
 
+@single_threaded_torch()
 def fit(
     problem: Problem,
     samples: Samples,

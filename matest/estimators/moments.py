@@ -97,14 +97,15 @@ def moments(columns: Columns, problem: LeastSquares, residual: Tensor, groups: T
         groups: labels [n], those of a group in a row; None: a single group 0.
     """
     values, tint = columns.values, columns.tint[:, None]
-    weight = problem.weight.T.contiguous()
+    # An array of each channel: torch is several times slower where the innermost loop is over three channels.
+    weight, residual = problem.weight.T.contiguous(), residual.T.contiguous()
     (channels, samples), count = weight.shape, values.shape[1]
     if not samples:
         return empty_moments(channels, count)
     # For every channel the weighted columns, and the weighted residual as the last row.
     weighted = values.new_empty(channels, count + 1, samples)
     torch.mul(values, (weight * tint**2)[:, None], out=weighted[:, :-1])
-    torch.mul(weight * residual.T, tint, out=weighted[:, -1])
+    torch.mul(weight * residual, tint, out=weighted[:, -1])
     labels, lengths = torch.zeros(1).long(), torch.tensor([samples])
     if groups is not None:
         labels, lengths = torch.unique_consecutive(groups.cpu(), return_counts=True)
@@ -118,7 +119,7 @@ def moments(columns: Columns, problem: LeastSquares, residual: Tensor, groups: T
     else:
         products = torch.stack([weighted[..., part] @ values[..., part].mT for part in parts])
     products = products.double().cpu()
-    rows = _score_rows(problem, residual)
+    rows = _score_rows(problem, weight, residual)
     sums = torch.stack([rows[:, part].sum(-1, dtype=torch.float64) for part in parts]).cpu()
     totals = torch.cat([sums, lengths[:, None].double()], dim=1)
     # A merged sample counts shares of pixels, which add up to whole pixels but for rounding.
@@ -126,38 +127,37 @@ def moments(columns: Columns, problem: LeastSquares, residual: Tensor, groups: T
     return Moments(labels, products[:, :, :-1], products[:, :, -1], totals)
 
 
-def _score_rows(problem: LeastSquares, residual: Tensor) -> Tensor:
-    """The scores of every sample, except the last of `SCORES` [10, n]."""
-    squared, signal, means = residual.square(), problem.response.square(), problem.means
+def _score_rows(problem: LeastSquares, weight: Tensor, residual: Tensor) -> Tensor:
+    """The scores of every sample, except the last of `SCORES` [10, n], from weights and residuals [C, n]."""
+    response, means = problem.response.T, problem.means
+    squared, signal = residual.square(), response.square()
     if means is not None:
         # Means over the pixels that each sample stands for.
-        squared, signal = squared + means.scatter, signal + means.scatter
-    weighted = problem.weight * squared
+        squared, signal = squared + means.scatter.T, signal + means.scatter.T
+    weighted = weight * squared
+    # Numbers 0 and 1 instead of truth values, which torch converts slowly; no weight is negative.
+    plain = problem.plain.T.to(weighted)
+    counted = plain * weight.sign()
     # Sum over the channels by products of matrices: torch sums three numbers slowly.
-    ones = weighted.new_ones(weighted.shape[1])
-    cost = weighted @ ones
-    counted = problem.plain & (problem.weight > 0)
-    if means is not None:
-        # A sample that stands for no pixel is multiplied by 0 below; it is no outlier.
-        counted |= means.pixels == 0
-    chi2 = cost
-    usable = plain = values = cost.new_full((), residual.shape[1]).expand(len(cost))
-    if not bool(counted.all()):
-        chi2 = (weighted * counted) @ ones
-        plain, values = problem.plain.to(cost) @ ones, counted.to(cost) @ ones
+    ones = weighted.new_ones(len(weighted))
+    usable = ones.sum().expand(weighted.shape[1])
     if problem.errors is not None:
-        model, (measured, counts) = problem.response - residual, problem.errors
+        model, (measured, usable_values) = response - residual, (part.T for part in problem.errors)
         # Merged samples are never clipped: no scatter is added to a clipped value.
-        squared = torch.where(measured == problem.response, squared, (measured - model).square())
-        signal = torch.where(measured == problem.response, signal, measured.square())
-        usable, squared, signal = counts.to(cost) @ ones, squared * counts, signal * counts
-    every = trimmed = (squared @ ones, signal @ ones)
-    if bool((plain > values).any()):
-        inliers = counted | ~problem.plain
-        trimmed = ((squared * inliers) @ ones, (signal * inliers) @ ones)
-    # Each sample counts for as many pixels as it stands for.
-    rows = torch.stack([values, plain - values, usable, *every, *trimmed, torch.ones_like(cost)])
-    return torch.cat([cost[None], chi2[None], rows if means is None else rows * means.pixels[:, 0]])
+        squared = torch.where(measured == response, squared, (measured - model).square())
+        signal = torch.where(measured == response, signal, measured.square())
+        share = usable_values.to(weighted)
+        usable, squared, signal = ones @ share, squared * share, signal * share
+    inliers = 1 - (plain - counted)
+    every, trimmed = (ones @ squared, ones @ signal), (ones @ (squared * inliers), ones @ (signal * inliers))
+    cost, chi2, values = ones @ weighted, ones @ (weighted * counted), ones @ counted
+    outliers = ones @ plain - values
+    rows = torch.stack([cost, chi2, values, outliers, usable, *every, *trimmed, torch.ones_like(cost)])
+    if means is not None:
+        # Each sample counts for as many pixels as it stands for; weights hold these already. One that stands for none
+        # is no outlier.
+        rows[2:] *= means.pixels[:, 0]
+    return rows
 
 
 def with_added_cost(scores: Tensor, added: Tensor) -> Tensor:

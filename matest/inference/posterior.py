@@ -18,6 +18,7 @@ from matest.inference.statuses import Verdict, combined, verdicts_on
 from matest.inference.valleys import Valleys, valleys_about
 from matest.parameters import Role
 from matest.samples import Samples
+from matest.workers import single_threaded_torch
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +54,7 @@ class Posterior:
         return [name for name in names if self.estimates[name].status == "not determined"]
 
 
+@single_threaded_torch()
 def judge(solution: Solution, samples: Samples) -> Posterior:
     """What samples say of the unknowns of their solution."""
 
@@ -69,6 +71,7 @@ def judge(solution: Solution, samples: Samples) -> Posterior:
     return _posterior(expansion, bars, lobes, valleys, intervals)
 
 
+@single_threaded_torch()
 def judge_to_first_order(solution: Solution, samples: Samples) -> Posterior:
     """The same by the covariance at the optimum alone: symmetric intervals, no valleys."""
     return _to_first_order(Expansion.of(solution), error_bars(solution, samples))

@@ -33,21 +33,21 @@ from matest.samples.merging import MergedSquares, Tier
 
 # Fewest pixels of a surface that is merged: the search for squares on a smaller one takes longer than it saves.
 _MIN_PIXELS = 1 << 15
-# Small squares that are projected at once: their RGB values take 2.4 MB.
-_SQUARES_AT_ONCE = 4096
+# Small squares that are projected at once: their RGB values take 10 MB.
+_SQUARES_AT_ONCE = 1 << 14
 # Samples of a tile, about: so many that its overhead does not count, so few that all workers have tiles.
 _TILE_SAMPLES = 98_304
 
 
 @dataclass(frozen=True)
 class _MeasuredSquares:
-    """Squares of a part of one image, with their radiance.
+    """Squares of a part of one image, with their radiance; each channel is an array of its own.
 
     Attributes:
         position: of the image.
         small, large: as in `SmoothSquares`.
-        values: radiance at the samples of the small squares [4, m, C].
-        scatter: mean square deviation of their pixels from the bilinear function [m, C].
+        values: radiance at the samples of the small squares [4, C, m].
+        scatter: mean square deviation of their pixels from the bilinear function [C, m].
     """
 
     position: int
@@ -56,18 +56,22 @@ class _MeasuredSquares:
     values: Tensor
     scatter: Tensor
 
+    def small_inside(self, large: np.ndarray) -> np.ndarray:
+        """Indices of the small squares inside q large ones, place by place [9 q]."""
+        return (np.arange(SMALL_PER_LARGE)[:, None] * self.large.shape[1] + large).ravel()
+
     def large_values(self, large: np.ndarray) -> tuple[Tensor, Tensor]:
         """Radiance at the samples of some large squares, and the mean square deviation of the pixels from it.
 
-        Both [9, q, C]. Each of the nine samples takes the deviations of the small square that it lies in.
+        Both [9, C, q]. Each of the nine samples takes the deviations of the small square that it lies in.
         """
-        small = _small_inside(large)
-        values = rows_of_large(self.values[:, small])
+        small = torch.from_numpy(self.small_inside(large))
+        values = rows_of_large(self.values.index_select(2, small))
         merged = SMALL_TO_LARGE.to(values) @ values.flatten(1)
         squared = (values.flatten(1) - LARGE_TO_SMALL.to(values) @ merged).square()
         between = squared.reshape(3, 2, 3, 2, *values.shape[1:]).sum((1, 3))
         between = between.reshape(SMALL_PER_LARGE, *values.shape[1:])
-        within = self.scatter[small].unflatten(0, (-1, SMALL_PER_LARGE)).transpose(0, 1)
+        within = self.scatter.index_select(1, small).unflatten(1, (SMALL_PER_LARGE, -1)).transpose(0, 1)
         share = LARGE.shares.to(values)[:, None, None]
         return merged.reshape(between.shape), (SMALL_PIXELS * within + SMALL_SHARE * between) / share
 
@@ -79,8 +83,8 @@ class _TierSamples:
     Attributes:
         tier: the size.
         pixels: of the samples and then the checks of each square [k, n].
-        values: radiance at the samples [s, n, C].
-        scatter: mean square deviation of their pixels from it [s, n, C].
+        values: radiance at the samples [s, C, n].
+        scatter: mean square deviation of their pixels from it [s, C, n].
     """
 
     tier: Tier
@@ -103,19 +107,20 @@ class _TierSamples:
         """Pixels of all samples, square by square, and then those of all checks."""
         return np.concatenate([self.pixels[: self.nodes].T.ravel(), self.pixels[self.nodes :].T.ravel()])
 
-    def radiance(self) -> Tensor:
-        """At the samples as measured, at the checks as the polynomial says [n k, C]."""
+    def radiance(self) -> list[Tensor]:
+        """At the samples as measured, at the checks as the polynomial says, each [C, ...]."""
         checks = self.tier.checks.to(self.values) @ self.values.flatten(1)
-        return torch.cat([_by_square(self.values), _by_square(checks.reshape(-1, *self.values.shape[1:]))])
+        return [_by_square(self.values), _by_square(checks.unflatten(1, self.values.shape[1:]))]
 
-    def means(self) -> Means:
-        """Pixels that each sample replaces, and their scatter; a check replaces none."""
-        checks = len(self.tier.checks) * self.count
+    def pixel_counts(self) -> list[Tensor]:
+        """Pixels that each sample replaces; a check replaces none."""
         shares = self.tier.shares.to(self.values).repeat(self.count)
-        return Means(
-            torch.cat([shares, shares.new_zeros(checks)])[:, None],
-            torch.cat([_by_square(self.scatter), self.scatter.new_zeros(checks, self.scatter.shape[-1])]),
-        )
+        return [shares, shares.new_zeros(len(self.tier.checks) * self.count)]
+
+    def scatters(self) -> list[Tensor]:
+        """Scatter of the pixels of each sample [C, ...]; 0 at checks."""
+        channels, checks = self.scatter.shape[1], len(self.tier.checks) * self.count
+        return [_by_square(self.scatter), self.scatter.new_zeros(channels, checks)]
 
     def labels(self, of_square: Tensor) -> Tensor:
         """Group of every sample and check, from those of the squares [n]."""
@@ -164,9 +169,9 @@ class PixelMerger:
         values, scatter, mergeable = self._projected(self.pixels.images[position], small)
         mergeable &= np.all(usable[small], axis=0)
         inside = SMALL_PER_LARGE * large.shape[1]
-        large_mergeable = np.all(mergeable[:inside].reshape(-1, SMALL_PER_LARGE), axis=1)
+        large_mergeable = np.all(mergeable[:inside].reshape(SMALL_PER_LARGE, -1), axis=0)
         small_mergeable = mergeable.copy()
-        small_mergeable[:inside][np.repeat(large_mergeable, SMALL_PER_LARGE)] = False
+        small_mergeable[:inside].reshape(SMALL_PER_LARGE, -1)[:, large_mergeable] = False
         single = np.concatenate([small[:, ~mergeable].ravel(), single])
         squares = _MeasuredSquares(position, small, large, values, scatter)
         return self._tile(
@@ -178,7 +183,8 @@ class PixelMerger:
         small, large, single = self.squares.small, self.squares.large, self.squares.single
         inside, large_slice = SMALL_PER_LARGE * large.shape[1], _slice(large.shape[1], part, parts)
         if parts > 1:
-            in_large = small[:, SMALL_PER_LARGE * large_slice.start : SMALL_PER_LARGE * large_slice.stop]
+            in_large = small[:, :inside].reshape(SMALL_PIXELS, SMALL_PER_LARGE, -1)[:, :, large_slice]
+            in_large = in_large.reshape(SMALL_PIXELS, -1)
             others = small[:, inside:][:, _slice(small.shape[1] - inside, part, parts)]
             small = np.concatenate([in_large, others], axis=1)
         return small, large[:, large_slice], single[_slice(len(single), part, parts)]
@@ -197,24 +203,24 @@ class PixelMerger:
             largest.append(squared.amax(0))
             scatter.append(squared.mean(0))
         if not nodes:
-            none = torch.zeros(0, photographs.channels)
+            none = torch.zeros(photographs.channels, 0)
             return none.expand(len(SMALL_NODES), -1, -1), none, np.zeros(0, dtype=bool)
-        shape = (small.shape[1], photographs.channels)
-        at_nodes = torch.cat(nodes, dim=1).unflatten(1, shape)
-        deviation = torch.cat(largest).reshape(shape).sqrt()
-        mergeable = self._mergeable(image, small[SMALL_PIXELS // 2], at_nodes, deviation)
-        return at_nodes, torch.cat(scatter).reshape(shape), mergeable.numpy()
+        at_nodes, largest_square, mean_square = (
+            _by_channel(torch.cat(parts, dim=-1), photographs.channels) for parts in (nodes, largest, scatter)
+        )
+        mergeable = self._mergeable(image, small[SMALL_PIXELS // 2], at_nodes, largest_square.sqrt())
+        return at_nodes, mean_square, mergeable.numpy()
 
     def _mergeable(self, image: int, centres: np.ndarray, values: Tensor, deviation: Tensor) -> Tensor:
         """Small squares with no outlier from the bilinear function, and far from the ends of the sensor's range [m]."""
         readout, limits = self.pixels.readout(image, centres), self.pixels.limits(image, centres)
-        variance = Readout(*(part.cpu() for part in readout)).variance(values.mean(0))
+        variance = Readout(*(part.cpu() for part in readout)).variance(values.mean(0).T).T
         allowed = TRUSTED * self._residual_scale * variance.sqrt()
         mergeable = deviation <= allowed
         if limits is not None:
-            mergeable &= values.amin(0) - allowed >= limits.lower.cpu()
-            mergeable &= values.amax(0) + allowed <= limits.upper.cpu()
-        return mergeable.all(dim=-1)
+            mergeable &= values.amin(0) - allowed >= limits.lower.cpu().T
+            mergeable &= values.amax(0) + allowed <= limits.upper.cpu().T
+        return mergeable.all(dim=0)
 
     def _tile(self, squares: _MeasuredSquares, large: np.ndarray, small: np.ndarray, single: np.ndarray) -> Tile:
         """Some large and small squares of a part of an image, and single pixels of it, in one tile."""
@@ -229,8 +235,8 @@ class PixelMerger:
             _TierSamples(
                 SMALL,
                 squares.small[[*SMALL_NODES, SMALL_PIXELS // 2]][:, small],
-                squares.values[:, small],
-                squares.scatter[small].expand(len(SMALL_NODES), -1, -1),
+                squares.values[..., small],
+                squares.scatter[:, small].expand(len(SMALL_NODES), -1, -1),
             ),
         )
         tiers = [tier for tier in both_tiers if tier.count]
@@ -241,17 +247,19 @@ class PixelMerger:
         labels = [tier.labels(pixels.labels(position, tier.pixels[tier.nodes // 2])) for tier in tiers]
         batch = Batch(
             points=pixels.points(image, index),
-            radiance=torch.cat([*(tier.radiance().to(radiance) for tier in tiers), radiance]),
+            radiance=_joined([part for tier in tiers for part in tier.radiance()], radiance),
             noise=MeasurementNoise(pixels.readout(image, index), pixels.limits(image, index), clipped),
             groups=torch.cat([*labels, pixels.labels(position, single)]),
         )
-        means = [tier.means() for tier in tiers]
-        means = [Means(*(part.to(radiance) for part in mean)) for mean in means]
-        means.append(Means(radiance.new_ones(len(single), 1), torch.zeros_like(radiance)))
+        counts = [part.to(radiance) for tier in tiers for part in tier.pixel_counts()]
+        means = Means(
+            torch.cat([*counts, radiance.new_ones(len(single))])[:, None],
+            _joined([part for tier in tiers for part in tier.scatters()], torch.zeros_like(radiance)),
+        )
         merged = MergedSquares(
             tuple((tier.tier, tier.count) for tier in tiers), partial(self._split, squares, large, small)
         )
-        return Tile(batch, Means(*(torch.cat(part) for part in zip(*means, strict=True))), merged)
+        return Tile(batch, means, merged)
 
     def _split(
         self, squares: _MeasuredSquares, large: np.ndarray, small: np.ndarray, selection: Mapping[Tier, np.ndarray]
@@ -261,17 +269,23 @@ class PixelMerger:
             index[selection[tier]] if tier in selection else index[:0]
             for tier, index in ((LARGE, large), (SMALL, small))
         )
-        return self._tile(squares, large[:0], _small_inside(split_large), squares.small[:, split_small].ravel())
+        return self._tile(squares, large[:0], squares.small_inside(split_large), squares.small[:, split_small].ravel())
 
 
-def _small_inside(large: np.ndarray) -> np.ndarray:
-    """Indices of the small squares inside some large ones, nine for each."""
-    return (SMALL_PER_LARGE * large[:, None] + np.arange(SMALL_PER_LARGE)).ravel()
+def _by_channel(values: Tensor, channels: int) -> Tensor:
+    """From values [..., m C], the channels of a square after each other, to [..., C, m]."""
+    # NumPy transposes rows of three numbers several times faster than torch.
+    return torch.from_numpy(np.ascontiguousarray(values.unflatten(-1, (-1, channels)).mT.numpy()))
 
 
 def _by_square(values: Tensor) -> Tensor:
-    """From values [k, n, C] of n squares to those of one square after another [n k, C]."""
-    return values.transpose(0, 1).flatten(0, 1)
+    """From values [k, C, n] of n squares to those of one square after another [C, n k]."""
+    return values.permute(1, 2, 0).flatten(1)
+
+
+def _joined(merged: list[Tensor], single: Tensor) -> Tensor:
+    """Values [n, C] of merged samples [C, ...], then of single pixels [..., C]; each channel is an array of its own."""
+    return torch.cat([*(part.to(single) for part in merged), single.T], dim=1).T
 
 
 def _slice(length: int, part: int, parts: int) -> slice:

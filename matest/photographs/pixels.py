@@ -193,8 +193,8 @@ class LitPixels:
         return self.photographs.scene.points(image, selection, dtype=self.dtype, device=self.device)
 
     def radiance(self, image: int, index: np.ndarray) -> Tensor:
-        """Measured radiance of some pixels of an image [n, C]."""
-        return as_tensor(self.photographs.radiance(image, index), self.dtype, self.device)
+        """Measured radiance of some pixels of an image [n, C]; each channel is an array of its own."""
+        return as_tensor(self.photographs.radiance(image, index).T, self.dtype, self.device).T
 
     def clipped(self, image: int, index: np.ndarray) -> Tensor | None:
         """Which values are clipped, as in `Batch`."""

@@ -83,7 +83,8 @@ class SmoothSquares:
     """Pixels of a surface by the square that they lie in, as indices into its N pixels.
 
     Attributes:
-        small: pixels of M small squares, row by row [49, M]; first those inside large squares, nine for each.
+        small: pixels of M small squares, row by row [49, M]; first those inside the Q large squares: the Q at the first
+            of nine places, then the Q at the second, and so on.
         large: pixels of the samples and of the checks of Q large squares [9 + 4, Q].
         single: pixels in no square.
     """
@@ -116,7 +117,7 @@ def find_squares(scene: Scene, blocks: np.ndarray) -> SmoothSquares:
     large = large[_smooth(scene, nodes, LARGE_TO_SMALL @ SMALL_TO_LARGE, range(len(nodes)))]
 
     large = large[np.argsort(blocks[index[large]], kind="stable")]
-    small_in_large = (large + inside).T.ravel()
+    small_in_large = (large + inside).ravel()
     is_small[small_in_large] = False
     other_small = np.flatnonzero(is_small)
     other_small = other_small[np.argsort(blocks[index[other_small]], kind="stable")]
@@ -134,10 +135,13 @@ def no_squares(pixels: int) -> SmoothSquares:
 
 
 def rows_of_large(values: Tensor) -> Tensor:
-    """From samples of small squares [4, 9 Q, C] to those of each of Q large squares, row by row [36, Q, C]."""
-    # Axes: row and column of the sample in a small square, large square, row and column of the small square in it.
-    by_place = values.reshape(2, 2, -1, 3, 3, values.shape[-1])
-    return by_place.permute(3, 0, 4, 1, 2, 5).reshape(4 * SMALL_PER_LARGE, -1, values.shape[-1])
+    """From samples of small squares [4, C, 9 Q] to those of each of Q large squares, row by row [36, C, Q].
+
+    The small squares at one place in their large squares follow each other, as in `SmoothSquares`.
+    """
+    # Axes: row and column of the sample in a small square, channel, row and column of that square in the large one.
+    by_place = values.reshape(2, 2, values.shape[1], 3, 3, -1)
+    return by_place.permute(3, 0, 4, 1, 2, 5).reshape(4 * SMALL_PER_LARGE, values.shape[1], -1)
 
 
 def _centres(shape: tuple[int, int], side: int) -> np.ndarray:

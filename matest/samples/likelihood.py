@@ -177,15 +177,17 @@ def about(
     squared = (radiance - reference).square() * weight
     # Skipped where there is no outlier, as in most tiles.
     far = (TRUSTED * residual_scale) ** 2
-    if float(squared.max()) > far:
+    strays = float(squared.amax()) > far
+    if strays:
         weight = _trust(squared.sqrt() / residual_scale) * weight
     if noise.limits is None:
         return LeastSquares(radiance, _of_means(weight, means), torch.ones_like(weight, dtype=torch.bool), means)
     lower, upper = noise.limits
     std = variance.sqrt()
-    plain = (reference - lower > _CLEAR_OF_CLIPPING * std) & (upper - reference > _CLEAR_OF_CLIPPING * std)
-    # Values far from the reference were not clipped by noise.
-    plain = plain | (squared > far)
+    plain = torch.minimum(reference - lower, upper - reference) > _CLEAR_OF_CLIPPING * std
+    if strays:
+        # Values far from the reference were not clipped by noise.
+        plain = plain | (squared > far)
     response, weight = radiance, _of_means(weight, means)
     errors, clipped = None, noise.clipped_values()
     if clipped is not None:

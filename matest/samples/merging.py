@@ -57,10 +57,11 @@ class MergedSquares:
         for tier, count in self.tiers:
             nodes = slice(start, start + count * len(tier.shares))
             checked = slice(nodes.stop, start := start + count * tier.size)
-            expected = tier.checks.to(reference) @ reference[nodes].unflatten(0, (count, -1))
+            # From the samples of each square to its checks, in every channel [C, count, checks].
+            expected = reference[nodes].T.reshape(-1, count, len(tier.shares)) @ tier.checks.T.to(reference)
             variance = tile.batch.noise[checked].variance(reference[checked])
             allowed = _MAX_DEVIATION * residual_scale * (variance / float(tier.shares.sum())).sqrt()
-            deviation = (reference[checked] - expected.flatten(0, 1)).abs()
+            deviation = (reference[checked] - expected.flatten(1).T).abs()
             of_square = (deviation > allowed).any(dim=-1).unflatten(0, (count, -1)).any(dim=-1)
             pixels[nodes].unflatten(0, (count, -1))[of_square] = 0
             curved[tier] = of_square.cpu().numpy()

@@ -51,7 +51,7 @@ def _biquadratic(rows: np.ndarray, columns: np.ndarray) -> torch.Tensor:
 def test_the_nine_samples_of_a_large_square_carry_its_biquadratic_part() -> None:
     whole = _biquadratic(*_steps(tuple(range(-10, 11)))).reshape(3, 7, 3, 7)
     small = whole.permute(1, 3, 0, 2).reshape(SMALL_PIXELS, SMALL_PER_LARGE)
-    samples = SMALL_TO_LARGE @ rows_of_large((PIXELS_TO_SMALL @ small).reshape(4, SMALL_PER_LARGE, 1))[..., 0]
+    samples = SMALL_TO_LARGE @ rows_of_large((PIXELS_TO_SMALL @ small).reshape(4, 1, SMALL_PER_LARGE))[:, 0]
     torch.testing.assert_close(samples, _biquadratic(*_steps((-8, 0, 8)))[:, None])
     torch.testing.assert_close((LARGE_TO_SMALL @ samples)[:, 0], _biquadratic(*_steps((-9, -5, -2, 2, 5, 9))))
     torch.testing.assert_close((LARGE.checks @ samples)[:, 0], _biquadratic(*_steps((-4, 4))))
