@@ -232,8 +232,9 @@ def _averaged_slopes(context: Context) -> Iterator[str]:
             excess = 0.5 * context.account.slope_variance / value if value else 0.0
             if std and excess > std:
                 yield (
-                    f"{name} may be too large by {excess:.2g}, {excess / std:.2g} standard errors: a pixel averages "
-                    "over a part of the surface and is shaded as its centre. Let the object fill more pixels."
+                    f"{name} may be too large by {excess:.2g}, {excess / std:.3g} standard errors: a pixel of a "
+                    "photograph averages over a part of the surface, and is shaded as its centre. Let the object fill "
+                    "more pixels."
                 )
 
 

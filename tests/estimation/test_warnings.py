@@ -186,14 +186,14 @@ def test_a_slope_that_pixels_average_is_told_with_its_excess(slope: float) -> No
     material = CookTorrance(0.2, 0.8, slope)
     exposed = STUDIO.expose(averaged(STUDIO.scene, material), None)
     found = matest.estimate(exposed, "cook-torrance", fix={"f0": 0.04})
-    (said,) = [warning for warning in found.warnings if "a pixel averages" in warning]
+    (said,) = [warning for warning in found.warnings if "averages over a part of the surface" in warning]
     excess = float(said.split("too large by ")[1].split(",")[0])
     assert found.parameters["slope"].value - slope == pytest.approx(excess, rel=0.2)  # type: ignore[operator]
 
 
 def test_a_slope_that_pixels_hardly_widen_is_not_told() -> None:
     found = photographed(CookTorrance(0.2, 0.8, 0.5), "cook-torrance", fix={"f0": 0.04})
-    assert not any("a pixel averages" in warning for warning in found.warnings)
+    assert not any("averages over a part of the surface" in warning for warning in found.warnings)
 
 
 @pytest.mark.parametrize(("values", "warns"), [(59, True), (60, False)])
