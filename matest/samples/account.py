@@ -27,6 +27,7 @@ class Account:
         geometry: what did not have to be computed of light and shape, as clauses.
         noise: how the noise was estimated, as a sentence; empty where it is stated.
         clipping: where values pile up below the stated saturation, as a sentence; empty where they do not.
+        subject: what the samples are, in the plural.
     """
 
     names: Sequence[str] = ()
@@ -41,6 +42,7 @@ class Account:
     geometry: Sequence[str] = ()
     noise: str = ""
     clipping: str = ""
+    subject: str = "images"
 
 
 class AccountedSamples(Samples, Protocol):
