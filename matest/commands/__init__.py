@@ -10,6 +10,7 @@ COMMANDS = (
     "estimate",
     "predict",
     "render",
+    "fit",
     "compare",
     "models",
     "benchmark",
