@@ -12,6 +12,7 @@ COMMANDS = (
     "render",
     "fit",
     "compare",
+    "export",
     "models",
     "benchmark",
 )
