@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from matest.errors import Fault, refuse
 from matest.estimation.estimate import solve, summary
 from matest.estimation.options import AUTO, Options, Value
 from matest.estimation.result import Candidate, Estimate
@@ -38,6 +39,10 @@ _NOISE_CHANGE = 0.01
 _MISSED = 0.2
 # The same, above which it is said where the model is wrong.
 _WORTH_SAYING = 0.03
+# Pairs of directions below which a table says nothing of a model.
+_MIN_PAIRS = 8
+# 1/sr. No measured reflectance is larger; squares of larger numbers overflow.
+_LARGEST = 1e9
 # Incidences that error bars from leaving out one at a time need.
 _MIN_INCIDENCES = 4
 
@@ -146,9 +151,10 @@ def fit_table_with(
     """The model of a measured reflectance with its error bars, as options ask for it.
 
     Raises:
-        InputError: see `fit_table`.
+        InputError: see `fit_table`; a table that says nothing of any model.
     """
     clock = time.perf_counter()
+    refuse(table.path, _faults(table))
     is_stated = noise is not None and loss is Loss.LIKELIHOOD
     pair = (noise,) if isinstance(noise, float | int) else noise
     start = stated_noise(table, *pair) if is_stated and pair else first_noise(table, loss)
@@ -183,6 +189,18 @@ def fit_table_with(
         channel_labels=tuple(table.channels),
     )
     return TableFit(estimate, samples, *misfits, verdict)
+
+
+def _faults(table: Table) -> Iterator[Fault]:
+    """Why no model can be fitted to a table."""
+    count = len(table)
+    yield count < _MIN_PAIRS, f"expected {_MIN_PAIRS} pairs of directions or more, and it has {count}; measure more."
+    largest = float(table.values.abs().max())
+    yield largest > _LARGEST, f"expected reflectances in 1/sr, and one is {largest:.3g}; correct or remove it."
+    yield (
+        not bool((table.values > 0).any()),
+        "expected reflectances above zero, and there is none; check the columns of the values.",
+    )
 
 
 def _solved(

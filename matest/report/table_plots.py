@@ -13,6 +13,7 @@ from matest.directions import from_angles
 from matest.estimation.result import Estimate
 from matest.estimation.table_fit import TableFit
 from matest.report.plots import COLOURS
+from matest.tables.samples import Incidence
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,8 +23,10 @@ _MAX_PANELS = 8
 _MAX_CURVES = 3
 # Sine of the angle from the plane of incidence, and radians from the incidence of a panel, within which values count as
 # measured in the plane and at that incidence.
-_IN_PLANE = math.sin(math.radians(3))
-_AT_INCIDENCE = math.radians(1)
+_IN_PLANE = math.sin(math.radians(1.5))
+_AT_INCIDENCE = math.radians(0.5)
+# Dots of a curve: more hide it.
+_MAX_DOTS = 150
 # Viewers of a curve.
 _VIEWERS = torch.linspace(-math.radians(85), math.radians(85), 341, dtype=torch.float64)
 # Decades below the brightest that a panel shows.
@@ -41,35 +44,40 @@ def plot_slices(fit: TableFit, path: Path) -> None:
     rows = math.ceil(len(shown) / 2)
     figure = _figure(9, 2.6 * rows + 0.6)
     panels = figure.subplots(rows, 2, squeeze=False, sharex=True)
-    channels = _spread(len(fit.channels), _MAX_CURVES)
-    table, degrees = fit.samples.table, np.degrees(_VIEWERS.numpy())
     for axes, incidence in zip(panels.flat, shown, strict=False):
-        wi, wo = table.wi[incidence.rows], table.wo[incidence.rows]
-        sideways, angle = _in_plane(wi, wo)
-        theta_i = torch.acos(wi[:, 2].clamp(-1, 1))
-        # A band of incidences is shown at the one in its middle that was measured.
-        centre = float(theta_i[(theta_i - incidence.theta).abs().argmin()])
-        near = ((sideways < _IN_PLANE) & ((theta_i - centre).abs() < _AT_INCIDENCE)).numpy()
-        measured = table.values[incidence.rows].numpy()[near]
-        model = _curves(fit, centre)
-        for place, channel in enumerate(channels):
-            colour = COLOURS[(place + 1) % len(COLOURS)]
-            curve = model[:, channel if model.shape[1] > 1 else 0]
-            axes.plot(degrees, curve, color=colour, linewidth=1.3, label=fit.channels[channel].label)
-            axes.plot(np.degrees(angle.numpy()[near]), measured[:, channel], ".", color=colour, markersize=4)
-        brightest = max(float(model.max()), float(measured.max(initial=0)), 1e-9)
-        positive = np.concatenate([model[model > 0], measured[measured > 0], [brightest]])
-        axes.set_yscale("log")
-        axes.set_ylim(max(float(positive.min()) / 2, brightest / 10**_DECADES), 2 * brightest)
-        axes.axvline(math.degrees(centre), color="0.5", linestyle=":", linewidth=1)
-        axes.set_title(f"light at {math.degrees(centre):.3g}°", fontsize=10)
-        axes.grid(alpha=0.25)
+        _panel(axes, fit, incidence)
     for axes in list(panels.flat)[len(shown) :]:
         axes.set_axis_off()
     panels.flat[0].legend(frameon=False, fontsize=8)
     figure.supxlabel("polar angle of the viewer (degrees; the mirror's side is positive)", fontsize=10)
     figure.supylabel("f (1/sr)", fontsize=10)
     _print(figure, path)
+
+
+def _panel(axes: Any, fit: TableFit, incidence: Incidence) -> None:
+    """The slice under one incidence; of a band of them under the one in its middle that was measured."""
+    table, degrees = fit.samples.table, np.degrees(_VIEWERS.numpy())
+    wi, wo = table.wi[incidence.rows], table.wo[incidence.rows]
+    sideways, angle = _in_plane(wi, wo)
+    theta_i = torch.acos(wi[:, 2].clamp(-1, 1))
+    centre = float(theta_i[(theta_i - incidence.theta).abs().argmin()])
+    near = ((sideways < _IN_PLANE) & ((theta_i - centre).abs() < _AT_INCIDENCE)).nonzero()[:, 0]
+    # From side to side, so that a part of them shows all.
+    dots = near[angle[near].argsort()][_spread(len(near), _MAX_DOTS)]
+    measured, model = table.values[incidence.rows][dots].numpy(), _curves(fit, centre)
+    for place, channel in enumerate(_spread(len(fit.channels), _MAX_CURVES)):
+        colour = COLOURS[(place + 1) % len(COLOURS)]
+        curve = model[:, channel if model.shape[1] > 1 else 0]
+        axes.plot(degrees, curve, color=colour, linewidth=1.3, label=fit.channels[channel].label, zorder=3)
+        axes.plot(np.degrees(angle[dots].numpy()), measured[:, channel], ".", color=colour, markersize=4)
+    axes.axvline(math.degrees(centre), color="0.5", linestyle=":", linewidth=1)
+    axes.set_title(f"light at {math.degrees(centre):.3g}°", fontsize=10)
+    axes.grid(alpha=0.25)
+    positive = np.concatenate([model[model > 0], measured[measured > 0]])
+    # A logarithmic scale has no place for nothing at all.
+    if len(positive):
+        axes.set_yscale("log")
+        axes.set_ylim(max(positive.min() / 2, positive.max() / 10**_DECADES), 2 * positive.max())
 
 
 def plot_incidences(fit: TableFit, path: Path) -> None:
@@ -154,7 +162,7 @@ def _curves(fit: TableFit, theta_i: float) -> np.ndarray:
 
 def _spread(count: int, most: int) -> list[int]:
     """At most so many of `range(count)`, evenly spread."""
-    return sorted({round(place) for place in np.linspace(0, count - 1, min(count, most))})
+    return sorted({round(place) for place in np.linspace(0, max(count - 1, 0), min(count, most))})
 
 
 def _figure(width: float, height: float) -> Figure:

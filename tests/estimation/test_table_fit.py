@@ -165,6 +165,21 @@ def test_few_incidences_give_no_honest_error_bars() -> None:
     assert any(one.startswith("2 incidences are too few") for one in fit.estimate.warnings)
 
 
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        (torch.full((5, 1), 0.1), "expected 8 pairs of directions or more, and it has 5"),
+        (torch.zeros(20, 1), "expected reflectances above zero"),
+        (torch.full((20, 1), 1e300, dtype=torch.float64), "expected reflectances in 1/sr, and one is 1e[+]300"),
+    ],
+)
+def test_tables_that_say_nothing_are_refused(values: Tensor, words: str) -> None:
+    wi, wo = in_plane()
+    table = Table(Path("a.csv"), wi[: len(values)], wo[: len(values)], values.double(), ("value",))
+    with pytest.raises(InputError, match=f"a.csv: {words}"):
+        fit_table(table)
+
+
 def test_names_are_checked() -> None:
     table = measured(OrenNayar(0.7, 0.6), in_plane(20))
     with pytest.raises(InputError, match="no parameter 'sigmo'"):

@@ -58,6 +58,14 @@ def test_pictures_are_drawn(fit: TableFit, tmp_path: Path) -> None:
         assert picture.std() > 5
 
 
+def test_light_that_no_incidence_reflects_has_a_panel(fit: TableFit, tmp_path: Path) -> None:
+    table = fit.samples.table
+    nothing = fit.estimate.material.replace({"diffuse": 0.0, "specular": 0.0})
+    dark = replace(fit.samples, table=replace(table, values=0 * table.values))
+    plot_slices(replace(fit, samples=dark, estimate=replace(fit.estimate, material=nothing)), tmp_path / "slices.png")
+    assert (tmp_path / "slices.png").is_file()
+
+
 def test_a_folder_is_written_whole_with_its_provenance(fit: TableFit, tmp_path: Path) -> None:
     table = tmp_path / "simulated.csv"
     table.write_text("a")
