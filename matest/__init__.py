@@ -16,10 +16,12 @@ if TYPE_CHECKING:
     from matest.estimation.estimate import estimate
     from matest.estimation.prediction import predict
     from matest.estimation.result import Estimate, load_material
+    from matest.estimation.table_fit import fit_table
     from matest.identifiability import check, load_plan
     from matest.scene import Scene
     from matest.shading import render, shade
     from matest.simulate import load_scene
+    from matest.tables import load_table
     from matest.training.gradient import fit_gradient
     from matest.training.trainable import Trainable
 
@@ -33,10 +35,12 @@ _HOME = {
     "check": "matest.identifiability",
     "estimate": "matest.estimation.estimate",
     "fit_gradient": "matest.training.gradient",
+    "fit_table": "matest.estimation.table_fit",
     "load_capture": "matest.capture",
     "load_material": "matest.estimation.result",
     "load_plan": "matest.identifiability",
     "load_scene": "matest.simulate",
+    "load_table": "matest.tables",
     "predict": "matest.estimation.prediction",
     "render": "matest.shading",
     "shade": "matest.shading",
@@ -53,10 +57,12 @@ __all__ = [
     "check",
     "estimate",
     "fit_gradient",
+    "fit_table",
     "load_capture",
     "load_material",
     "load_plan",
     "load_scene",
+    "load_table",
     "losses",
     "predict",
     "render",

@@ -172,6 +172,11 @@ class Directions:
         return x * x + y * y
 
 
+def from_angles(theta: Tensor, phi: Tensor) -> Tensor:
+    """Unit vectors [..., 3] at polar angles θ from the normal and azimuths φ from the tangent, in radians."""
+    return torch.stack(torch.broadcast_tensors(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()), dim=-1)
+
+
 def above_horizon(wi: Tensor, wo: Tensor) -> tuple[Directions, Tensor]:
     """Directions safe to evaluate, and the mask [..., 1] of pairs with both ends above the horizon.
 

@@ -17,3 +17,11 @@ def shared(case: str) -> tuple[Path, dict[str, Any]]:
     if not folder.is_dir():
         pytest.skip(f"{folder} is not here")
     return folder, json.loads((folder / "truth.json").read_text("utf-8"))
+
+
+def measurement(folder: str, file: str) -> Path:
+    """A measured file."""
+    path = _DATA / folder / file
+    if not path.is_file():
+        pytest.skip(f"{path} is not here")
+    return path

@@ -10,7 +10,9 @@ COMMANDS = (
     "estimate",
     "predict",
     "render",
+    "fit",
     "compare",
+    "export",
     "models",
     "benchmark",
 )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
@@ -13,6 +14,7 @@ from matest.report.picture_size import PictureSize
 if TYPE_CHECKING:
     from matest.estimation.options import Options
 
+Choice = TypeVar("Choice", bound=Enum)
 # Options that several commands take.
 Json = Annotated[bool, typer.Option("--json", help="Print machine-readable JSON on standard output.")]
 Transfer = Annotated[
@@ -76,6 +78,24 @@ def indices(text: str) -> list[int]:
 def noise(text: str) -> tuple[float, float]:
     read, gain = _numbers(text, 2, "--noise takes READ,GAIN (fractions of full scale), as 0.002,0.0005")
     return read, gain
+
+
+def table_noise(text: str) -> float | tuple[float, float]:
+    """Relative noise of a table, or that and a floor."""
+    expected = "--noise takes R or R,FLOOR (a share of the value, and 1/sr), as 0.01 or 0.01,0.0001"
+    if "," not in text:
+        return _numbers(text, 1, expected)[0]
+    relative, floor = _numbers(text, 2, expected)
+    return relative, floor
+
+
+def choice(text: str, kind: type[Choice], option: str) -> Choice:
+    """The member of an enumeration that has this value."""
+    try:
+        return kind(text)
+    except ValueError:
+        values = [str(member.value) for member in kind]
+        raise InputError(f"{option} must be one of {', '.join(values)}; got '{text}'.") from None
 
 
 def line(text: str) -> tuple[float, float, float, float]:

@@ -19,7 +19,8 @@ from matest.estimation.specification import Specification, freed, specify_unknow
 from matest.estimation.verdict import sentences
 from matest.estimation.warnings import Context, warnings
 from matest.estimators import Solution, fit
-from matest.inference.posterior import Posterior, judge, judge_to_first_order
+from matest.inference.error_bars import ErrorBars
+from matest.inference.posterior import judge, judge_to_first_order
 from matest.progress import Progress, silent
 from matest.samples import Samples
 from matest.samples.account import Account, AccountedSamples
@@ -89,13 +90,14 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         selection = select(samples, options, progress)
         expression = selection.best.recipe.expression
     said = [*sentences(selection)] if selection else []
-    specification, solution = _solve(expression, samples, options, progress)
+    specification, solution = solve(expression, samples, options, progress)
     if not solution.statistics.total("values"):
         raise InputError(
             f"{capture.name}: no value lies inside the sensor's range and near the model: the object is saturated or "
             "black in every image. Photograph it with another exposure."
         )
     posterior = judge(solution, samples)
+    sentence = message(solution, posterior.bars, unread_samples(samples, solution))
     material = solution.problem.material(solution.unknowns)
     held_out = sorted({*options.holdout})
     holdout = _holdout(capture, material, held_out)
@@ -108,7 +110,7 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         parameters=dict(posterior.estimates),
         labels=list(posterior.labels),
         correlation=[list(row) for row in posterior.correlation],
-        fit=_summary(samples, solution, posterior),
+        fit=summary(samples, solution, posterior.bars, sentence),
         relative=capture.relative,
         candidates=selection.candidates if selection else [],
         skipped=skipped(samples, solution, len(held_out), selection.unsupported if selection else []),
@@ -135,7 +137,7 @@ def _samples(capture: Capture, options: Options) -> AccountedSamples:
     return samples
 
 
-def _solve(
+def solve(
     expression: str, samples: AccountedSamples, options: Options, progress: Progress
 ) -> tuple[Specification, Solution]:
     """The optimum, with those parameters freed that are held by default and that the images determine."""
@@ -155,9 +157,9 @@ def _solve(
     return wider, again
 
 
-def _summary(samples: AccountedSamples, solution: Solution, posterior: Posterior) -> Fit:
-    """How the fit went, and how close the model comes."""
-    statistics, bars = solution.statistics, posterior.bars
+def summary(samples: AccountedSamples, solution: Solution, bars: ErrorBars, sentence: str) -> Fit:
+    """How the fit went, in numbers and a sentence, and how close the model comes."""
+    statistics = solution.statistics
     measured = len(samples) - samples.account.skipped["saturated"]
     return Fit(
         rmse=math.sqrt(statistics.total("squared_residual") / max(statistics.total("usable"), 1)),
@@ -168,7 +170,7 @@ def _summary(samples: AccountedSamples, solution: Solution, posterior: Posterior
         samples_used=min(int(statistics.total("samples")), measured),
         iterations=solution.iterations,
         status="converged" if solution.converged else "not converged",
-        message=message(solution, bars, unread_samples(samples, solution)),
+        message=sentence,
         errors=bars.kind,
         outliers=statistics.outliers,
         values_left_out=int(statistics.total("outliers")),

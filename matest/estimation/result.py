@@ -88,6 +88,7 @@ class Estimate:
         holdout: images left out of the fit and the error there.
         provenance: version, command, hashes of the inputs.
         warnings: sentences.
+        channel_labels: names of the channels; empty: R, G, B, or numbers.
     """
 
     capture: str
@@ -104,6 +105,7 @@ class Estimate:
     holdout: dict[str, Any] | None = None
     provenance: dict[str, Any] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
+    channel_labels: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         values = ", ".join(f"{name}={p.value} ± {p.std} ({p.status})" for name, p in self.parameters.items())

@@ -86,9 +86,14 @@ class Context:
         return [name for name in self.not_determined if name not in self.seen_together]
 
 
-def warnings(context: Context) -> list[str]:
-    """The sentences of all rules that apply to an estimate."""
-    return [*context.selection, *(warning for rule in RULES for warning in rule(context))]
+# Says something of an estimate, or nothing.
+Rule = Callable[[Context], Iterator[str]]
+
+
+def warnings(context: Context, rules: Sequence[Rule] | None = None) -> list[str]:
+    """The sentences of the rules that apply to an estimate; None: of all rules for photographs."""
+    spoken = RULES if rules is None else rules
+    return [*context.selection, *(warning for rule in spoken for warning in rule(context))]
 
 
 def _relative_radiometry(context: Context) -> Iterator[str]:
@@ -101,7 +106,7 @@ def _held_by_default(context: Context) -> Iterator[str]:
         fresnel = context.solution.problem.declared(name).role is Role.FRESNEL
         beside = " beside the strength of the highlight" if fresnel else ""
         yield (
-            f"{name} is held at {context.held(name):g}: these images do not determine it{beside}; "
+            f"{name} is held at {context.held(name):g}: these {context.account.subject} do not determine it{beside}; "
             f"--free {name} estimates it all the same, --fix {name}=VALUE sets it."
         )
 
@@ -202,13 +207,17 @@ def _poor_fit(context: Context) -> Iterator[str]:
 
 def _seen_together(context: Context) -> Iterator[str]:
     if names := context.seen_together:
-        yield f"{' and '.join(names)} are not determined: these images see only a combination of them; fix one."
+        yield (
+            f"{' and '.join(names)} are not determined: these {context.account.subject} see only a combination of "
+            "them; fix one."
+        )
 
 
 def _not_determined(context: Context) -> Iterator[str]:
     if names := context.not_determined_alone:
         labels = [name + _channels(context.parameters[name]) for name in names]
-        yield f"{' and '.join(labels)} {'are' if len(names) > 1 else 'is'} not determined by these images."
+        verb = "are" if len(names) > 1 else "is"
+        yield f"{' and '.join(labels)} {verb} not determined by these {context.account.subject}."
 
 
 def _lobes_not_seen(context: Context) -> Iterator[str]:
@@ -279,7 +288,7 @@ def _imprecise(context: Context) -> Iterator[str]:
 
 
 # In the order of the sentences.
-RULES: tuple[Callable[[Context], Iterator[str]], ...] = (
+RULES: tuple[Rule, ...] = (
     _relative_radiometry,
     _held_by_default,
     _f0_too_low,
@@ -303,6 +312,15 @@ RULES: tuple[Callable[[Context], Iterator[str]], ...] = (
     _estimated_noise,
     _codes_in_steps,
     _imprecise,
+)
+# Of these the rules that hold for samples of any kind.
+GENERAL_RULES: tuple[Rule, ...] = (
+    _held_by_default,
+    _f0_too_low,
+    _notes_of_readers,
+    _seen_together,
+    _not_determined,
+    _lobes_not_seen,
 )
 
 

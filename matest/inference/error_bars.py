@@ -68,8 +68,8 @@ class ErrorBars:
         return f"residuals are {math.sqrt(self.chi2):.3g} times as large"
 
 
-def error_bars(solution: Solution, samples: Samples) -> ErrorBars:
-    """The error bars of a solution."""
+def error_bars(solution: Solution, samples: Samples, likelihood: bool = True) -> ErrorBars:
+    """The error bars of a solution; `likelihood` as in `judge`."""
     problem, statistics, expansion = solution.problem, solution.statistics, Expansion.of(solution)
     push = expansion.gradient.abs() / expansion.information.diagonal().clamp(min=1e-300).sqrt()
     # Along a valley that ends at a bound the samples determine nothing: they do not push outward there.
@@ -78,7 +78,7 @@ def error_bars(solution: Solution, samples: Samples) -> ErrorBars:
     chi2 = statistics.total("chi2") / max(statistics.total("values") - int((~bound).sum()), 1)
     correlation, by_chance = correlation_of_residuals(statistics, fisher(expansion.information, ~bound))
     max_correlation = max(_MAX_CORRELATION, 1 + _CORRELATION_BY_CHANCE * by_chance)
-    holds = chi2 <= _max_chi2(statistics, samples) and correlation <= max_correlation
+    holds = likelihood and chi2 <= _max_chi2(statistics, samples) and correlation <= max_correlation
     by_image = statistics.regrouped(samples.groups.image)
     clusters = by_image if len(by_image) >= _MIN_CLUSTERS else statistics
     widening = torch.ones_like(expansion.unknowns)

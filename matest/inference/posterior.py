@@ -55,14 +55,20 @@ class Posterior:
 
 
 @single_threaded_torch()
-def judge(solution: Solution, samples: Samples) -> Posterior:
-    """What samples say of the unknowns of their solution."""
+def judge(solution: Solution, samples: Samples, *, likelihood: bool = True) -> Posterior:
+    """What samples say of the unknowns of their solution.
+
+    Args:
+        solution: of the fit.
+        samples: that were fitted.
+        likelihood: whether the fit maximised one; after another cost error bars come from leaving out groups.
+    """
 
     @cache
     def around() -> Surroundings:
         return surroundings(solution.problem, solution.unknowns, solution.tiles, solution.residual_scale)
 
-    expansion, bars = Expansion.of(solution), error_bars(solution, samples)
+    expansion, bars = Expansion.of(solution), error_bars(solution, samples, likelihood)
     lobes = lobes_not_seen(expansion, bars)
     valleys = valleys_about(solution, bars, lobes, around)
     first_order = verdicts_on(expansion, bars, lobes, valleys, Intervals())

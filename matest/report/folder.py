@@ -99,17 +99,18 @@ def write_result(
     progress("writing the report")
     with whole_folder(out) as folder:
         write_pictures(capture, estimate.material, folder, pictures)
-        _write_json(folder / "material.json", estimate.material_dict())
+        write_json(folder / "material.json", estimate.material_dict())
         timing = {**estimate.timing_s, "report": time.perf_counter() - clock}
         timing["total"] = sum(timing.values())
         estimate = replace(estimate, timing_s=timing)
         step = pictures.step(capture.scene.surface.shape)
         (folder / "report.html").write_text(page(estimate, capture.names, step), "utf-8")
-        _write_json(folder / "result.json", estimate.to_dict())
+        write_json(folder / "result.json", estimate.to_dict())
     return estimate
 
 
-def _write_json(path: Path, content: dict) -> None:
+def write_json(path: Path, content: dict) -> None:
+    """A JSON file for people to read too."""
     path.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", "utf-8")
 
 
@@ -130,4 +131,4 @@ def write_prediction(
             for number, (name, error) in enumerate(zip(capture.names, errors.images, strict=True))
         ]
         content = {"schema": "matest.prediction/1", "images": images, "relative_rmse": errors.pooled}
-        _write_json(folder / "prediction.json", content)
+        write_json(folder / "prediction.json", content)

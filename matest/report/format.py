@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from matest.estimation.table_fit import Misfit
 from matest.inference.quantities import ParameterEstimate
 
 # What page and terminal call the same columns and tables.
 PARAMETER_COLUMNS = ("parameter", "value ± standard error", "95 % interval", "status")
+MISFIT_COLUMNS = ("values", "relative rms error", "error of cube roots", "relative to them")
 CANDIDATES_TITLE = "Models tried, and their relative rms error on what was left out"
 
 
@@ -43,6 +45,16 @@ def _state(status: str, value: float | None, std: float | None) -> str:
     if status in ("fixed", "tied"):
         return status
     return "not determined" if value is None else "at bound" if std is None else "determined"
+
+
+def misfit_cells(misfit: Misfit) -> tuple[str, str, str, str]:
+    """Cells of `MISFIT_COLUMNS`."""
+    return (
+        f"{misfit.values:,}",
+        f"{misfit.relative_rmse:.2%}",
+        f"{misfit.cube_root_error:.4f}",
+        f"{misfit.relative_cube_root_error:.2%}",
+    )
 
 
 def share(value: float | None) -> str:

@@ -35,15 +35,20 @@ def page(estimate: Estimate, files: list[str], step: int | None = 1) -> str:
         step: distance in pixels between those that the pictures show; None: there are no pictures.
     """
     sections = (
-        _parameters(estimate),
+        parameters(estimate),
         _fit(estimate),
         _holdout(estimate, files),
-        _candidates(estimate),
+        candidates(estimate),
         _images(files, step),
         _skipped(estimate),
         f"<h2>Time</h2>\n<p>{escape(stages(estimate.timing_s))}</p>",
     )
-    title = escape(f"matest: {estimate.capture}")
+    return document(estimate.capture, sections)
+
+
+def document(title: str, sections: Sequence[str]) -> str:
+    """A page of some sections, of which empty ones are left away."""
+    title = escape(f"matest: {title}")
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
         f'<meta name="viewport" content="width=device-width"><style>{_STYLE}</style></head><body>'
@@ -52,9 +57,9 @@ def page(estimate: Estimate, files: list[str], step: int | None = 1) -> str:
     )
 
 
-def _parameters(estimate: Estimate) -> str:
+def parameters(estimate: Estimate) -> str:
     """Title, verdict, table of the parameters, warnings."""
-    channels = channel_names(estimate.channels)
+    channels = estimate.channel_labels or channel_names(estimate.channels)
     body = [
         (*row, parameter.doc)
         for name, parameter in estimate.parameters.items()
@@ -64,7 +69,7 @@ def _parameters(estimate: Estimate) -> str:
         [
             f"<h1>{escape(estimate.capture)}: {escape(estimate.model)}</h1>",
             f'<p class="lead">{escape(estimate.fit.message)}</p>',
-            _table((*PARAMETER_COLUMNS, "meaning"), body),
+            html_table((*PARAMETER_COLUMNS, "meaning"), body),
             *(f'<p class="warning">{escape(warning)}</p>' for warning in estimate.warnings),
         ]
     )
@@ -81,7 +86,7 @@ def _fit(estimate: Estimate) -> str:
         "passes": str(fit.iterations),
         "error bars from": fit.errors.replace("fisher", "Fisher information"),
     }
-    return "<h2>Fit</h2>\n" + _table([*cells], [[*cells.values()]])
+    return "<h2>Fit</h2>\n" + html_table([*cells], [[*cells.values()]])
 
 
 def _holdout(estimate: Estimate, files: list[str]) -> str:
@@ -93,12 +98,12 @@ def _holdout(estimate: Estimate, files: list[str]) -> str:
     return f"<p>Held out of the fit, image {images}: relative rms error {error}.</p>"
 
 
-def _candidates(estimate: Estimate) -> str:
+def candidates(estimate: Estimate) -> str:
     """The models that were tried; empty where one was named."""
     if not estimate.candidates:
         return ""
     body = [(each.model, f"{each.relative_rmse:.2%}", each.reason) for each in estimate.candidates]
-    return f"<h2>{CANDIDATES_TITLE}</h2>\n" + _table(("model", "error", "verdict"), body, "words")
+    return f"<h2>{CANDIDATES_TITLE}</h2>\n" + html_table(("model", "error", "verdict"), body, "words")
 
 
 def _images(files: list[str], step: int | None) -> str:
@@ -121,7 +126,7 @@ def _images(files: list[str], step: int | None) -> str:
     return "\n".join(["<h2>Images</h2>", legend, '<div class="images">', *figures, "</div>"])
 
 
-def _table(head: Sequence[str], body: Sequence[Sequence[str]], kind: str = "") -> str:
+def html_table(head: Sequence[str], body: Sequence[Sequence[str]], kind: str = "") -> str:
     cells = "".join(f"<th>{escape(cell)}</th>" for cell in head)
     lines = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in body)
     lines = lines.replace("\n", "<br>")

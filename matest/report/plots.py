@@ -7,7 +7,7 @@ from pathlib import Path
 from matest.profiles import Comparison
 
 # Colours that stay apart for colour-blind readers (Okabe & Ito).
-_COLOURS = ("#000000", "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00")
+COLOURS = ("#000000", "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00")
 _STYLES = ("-", "--", "-.", ":")
 
 
@@ -23,9 +23,7 @@ def plot_profiles(comparison: Comparison, path: Path) -> None:
         name = name.replace("$", r"\$")
         label = name if number == 0 else f"{name} (rms {comparison.rms[number]:.3g})"
         style = _STYLES[number % len(_STYLES)]
-        axes.plot(
-            comparison.distance, profile, style, color=_COLOURS[number % len(_COLOURS)], label=label, linewidth=1.6
-        )
+        axes.plot(comparison.distance, profile, style, color=COLOURS[number % len(COLOURS)], label=label, linewidth=1.6)
     axes.set_xlabel("distance along the cross-section (pixels)")
     axes.set_ylabel("brightness")
     axes.set_ylim(bottom=min(0.0, float(comparison.profiles.min())))

@@ -14,9 +14,19 @@ from matest.brdf import Brdf
 from matest.brdf.presets import Preset
 from matest.estimation.prediction import PredictionErrors
 from matest.estimation.result import Estimate
+from matest.estimation.table_fit import Misfit, TableFit
 from matest.parameters import options_of, parameters_of
 from matest.profiles import Comparison
-from matest.report.format import CANDIDATES_TITLE, PARAMETER_COLUMNS, channel_names, rows, share, stages
+from matest.report.format import (
+    CANDIDATES_TITLE,
+    MISFIT_COLUMNS,
+    PARAMETER_COLUMNS,
+    channel_names,
+    misfit_cells,
+    rows,
+    share,
+    stages,
+)
 
 _STATUS_STYLES = {
     "determined": "green",
@@ -60,7 +70,7 @@ def estimate_table(estimate: Estimate) -> Group:
     """Parameters with error bars, quality of the fit, warnings."""
     columns = (Column(name, no_wrap=name != "value ± standard error") for name in PARAMETER_COLUMNS)
     table = plain_table(*columns, title=f"{estimate.capture}: {estimate.model}")
-    channels = channel_names(estimate.channels)
+    channels = estimate.channel_labels or channel_names(estimate.channels)
     add_parameters(table, estimate.parameters, lambda label, parameter: rows(label, parameter, channels))
     return Group(
         *([_candidates(estimate)] if estimate.candidates else []),
@@ -87,6 +97,21 @@ def _errors(estimate: Estimate) -> str:
     if estimate.holdout:
         sentence += f", {share(estimate.holdout['relative_rmse'])} on the images left out"
     return sentence + "."
+
+
+def fit_table(fit: TableFit) -> Group:
+    """A model fitted to a measured table: parameters, quality of the fit, and the errors by incidence and channel."""
+    return Group(
+        estimate_table(fit.estimate), misfit_table("incidence", fit.incidences), misfit_table("channel", fit.channels)
+    )
+
+
+def misfit_table(what: str, misfits: Iterable[Misfit]) -> Table:
+    """How far a model is from parts of a measured table."""
+    table = plain_table(what, *(Column(name, justify="right") for name in MISFIT_COLUMNS))
+    for misfit in misfits:
+        table.add_row(misfit.label, *misfit_cells(misfit))
+    return table
 
 
 def summary_table(estimates: Mapping[str, Estimate | str]) -> Table:

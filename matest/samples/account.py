@@ -29,6 +29,7 @@ class Account:
         noise: how the noise was estimated, as a sentence; empty where it is stated.
         codes: how far apart stored codes are, as a sentence; empty where they are neighbouring integers.
         clipping: where values pile up below the stated saturation, as a sentence; empty where they do not.
+        subject: what the samples are, in the plural.
     """
 
     names: Sequence[str] = ()
@@ -45,6 +46,7 @@ class Account:
     noise: str = ""
     codes: str = ""
     clipping: str = ""
+    subject: str = "images"
 
 
 class AccountedSamples(Samples, Protocol):

@@ -83,7 +83,8 @@ def _joined_noise(parts: Sequence[Batch]) -> MeasurementNoise:
         ends = [[end.expand(part.radiance.shape) for end in part.noise.limits or ()] for part in parts]
         limits = Limits(*(torch.cat(column) for column in zip(*ends, strict=True)))
     readouts = [[value.expand(len(part), -1) for value in part.noise.readout] for part in parts]
-    return MeasurementNoise(Readout(*(torch.cat(column) for column in zip(*readouts, strict=True))), limits, clipped)
+    readout = Readout(*(torch.cat(column) for column in zip(*readouts, strict=True)))
+    return MeasurementNoise(readout, limits, clipped, noises[0].comparison)
 
 
 def _labels(batch: Batch) -> Tensor:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -61,19 +62,35 @@ class Clipped(NamedTuple):
     end: Tensor
 
 
+class Comparison(NamedTuple):
+    """A scale on which measured and modelled values are compared in a cost that is no likelihood: Σ (g(y) − g(μ))²/s².
+
+    Every value counts in full, however far it lies from the model. Tensors [n, C].
+
+    Attributes:
+        function: g, increasing.
+        slope: its derivative, finite everywhere.
+    """
+
+    function: Callable[[Tensor], Tensor]
+    slope: Callable[[Tensor], Tensor]
+
+
 @dataclass(frozen=True, eq=False)
 class MeasurementNoise:
     """How the measured radiance of n samples strays from the true one.
 
     Attributes:
-        readout: noise of the sensor.
+        readout: noise of the sensor; with a comparison, variance s² of g.
         limits: ends of the sensor's range; None where it has none.
         clipped: −1 where a value is clipped at black, 1 where it is saturated, otherwise 0, [n, C]; None: nowhere.
+        comparison: takes the place of the likelihood; None: there is one.
     """
 
     readout: Readout
     limits: Limits | None = None
     clipped: Tensor | None = None
+    comparison: Comparison | None = None
 
     def __getitem__(self, index: slice | Tensor) -> MeasurementNoise:
         """That of some of the samples."""
@@ -81,11 +98,13 @@ class MeasurementNoise:
         limits = None
         if self.limits is not None:
             limits = Limits(*(value if len(value) == 1 else value[index] for value in self.limits))
-        return MeasurementNoise(readout, limits, None if self.clipped is None else self.clipped[index])
+        clipped = None if self.clipped is None else self.clipped[index]
+        return MeasurementNoise(readout, limits, clipped, self.comparison)
 
     def variance(self, radiance: Tensor) -> Tensor:
         """Noise variance of a value of this true `radiance` [n, C]."""
-        return self.readout.variance(radiance)
+        variance = self.readout.variance(radiance)
+        return variance if self.comparison is None else variance / self.comparison.slope(radiance).square()
 
     def clipped_values(self) -> Clipped | None:
         """The clipped values; None where there are none."""
@@ -174,6 +193,8 @@ def about(
     """
     variance = noise.variance(reference)
     weight = 1 / variance
+    if noise.comparison is not None:
+        return _compared(reference, radiance, noise.comparison, _of_means(weight, means), means)
     squared = (radiance - reference).square() * weight
     # Skipped where there is no outlier, as in most tiles.
     far = (TRUSTED * residual_scale) ** 2
@@ -204,6 +225,16 @@ def about(
         # A clipped value is no measure of the fit, unless it is an outlier.
         plain[at] = trust == 0
     return LeastSquares(response, weight, plain, means, errors)
+
+
+def _compared(
+    reference: Tensor, radiance: Tensor, comparison: Comparison, weight: Tensor, means: Means | None
+) -> LeastSquares:
+    """The Gauss-Newton problem of a comparison: g is linear about the reference."""
+    difference = comparison.function(radiance) - comparison.function(reference)
+    everywhere = torch.ones_like(weight, dtype=torch.bool)
+    response = reference + difference / comparison.slope(reference)
+    return LeastSquares(response, weight, everywhere, means, Errors(radiance, everywhere))
 
 
 def _errors(reference: Tensor, radiance: Tensor, clipped: Clipped) -> Errors:

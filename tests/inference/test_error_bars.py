@@ -44,6 +44,12 @@ def test_degrees_of_freedom_are_the_values_less_the_unknowns() -> None:
     assert error_bars(solved(balanced(6), values=102), source(6)).chi2 == pytest.approx(1.02)
 
 
+def test_after_a_cost_that_is_no_likelihood_error_bars_come_from_leaving_out_groups() -> None:
+    bars = error_bars(solved(balanced(6, 0.5)), source(6), likelihood=False)
+    assert bars.kind == "jackknife over images"
+    assert bars.covariance.degrees == 5
+
+
 def test_stated_noise_is_exact_and_estimated_noise_is_not() -> None:
     solution = solved(balanced(6), chi2=1.06)
     assert not error_bars(solution, source(6, noise_stated=True)).holds

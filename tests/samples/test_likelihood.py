@@ -9,7 +9,8 @@ import torch
 from torch import Tensor
 
 from matest.samples import Batch, Tile
-from matest.samples.likelihood import Limits, MeasurementNoise, Readout
+from matest.samples.batch import join
+from matest.samples.likelihood import Comparison, Limits, MeasurementNoise, Readout, about
 from matest.scene import Points
 
 READ, GAIN = 0.02, 0.01
@@ -83,3 +84,26 @@ def test_a_first_guess_takes_clipped_values_as_measured() -> None:
     torch.testing.assert_close(response, radiance)
     torch.testing.assert_close(weight, 1 / (READ**2 + GAIN * radiance))
     assert plain.all()
+
+
+def test_a_comparison_has_the_score_of_its_cost_and_no_outliers() -> None:
+    comparison = Comparison(torch.log1p, lambda y: 1 / (1 + y))
+    noise = MeasurementNoise(
+        Readout(torch.full((1, 1), READ**2, dtype=DOUBLE), torch.zeros(1, 1)), None, None, comparison
+    )
+    measured = torch.tensor([[0.1], [0.5], [40.0]], dtype=DOUBLE)
+    reference = torch.full_like(measured, 0.3).requires_grad_()
+    cost = 0.5 * (torch.log1p(measured) - torch.log1p(reference)).square().sum() / READ**2
+    (slope,) = torch.autograd.grad(cost, reference)
+    problem = about(reference.detach(), measured, noise)
+    torch.testing.assert_close(problem.weight * (problem.response - reference.detach()), -slope)
+    assert bool(problem.plain.all())
+    assert problem.errors is not None
+    assert torch.equal(problem.errors.measured, measured)
+
+
+def test_a_comparison_survives_cutting_and_joining() -> None:
+    comparison = Comparison(torch.log1p, lambda y: 1 / (1 + y))
+    one = tile(torch.rand(5, 1, dtype=DOUBLE)).batch
+    batch = replace(one, noise=MeasurementNoise(one.noise.readout, comparison=comparison))
+    assert join([batch[:2], batch[2:]]).noise.comparison is comparison

@@ -1,0 +1,126 @@
+"""MERL's `.binary` of any isotropic material, for viewers and renderers of measured reflectance."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from matest.brdf import Brdf
+from matest.directions import from_angles
+from matest.errors import InputError
+from matest.tables.merl import CELLS, INVALID, SCALES, SHAPE, cells, turned
+
+SUFFIX = ".binary"
+# Cells that are evaluated together.
+_TOGETHER = 1 << 16
+# Pairs of directions that the error of a conversion is measured at, and the largest polar angle of their two ends.
+_PAIRS = 20_000
+_LARGEST_ANGLE = math.radians(80)
+# Radians by which a surface is turned to see whether that changes it, and the relative change that is rounding.
+_TURN = 0.7
+_ROUNDING = 1e-4
+
+
+@dataclass(frozen=True)
+class ConversionError:
+    """How far a written material is from the original, at random pairs of directions up to 80° from the normal.
+
+    Attributes:
+        relative_rmse: rms difference of f cos θi over its rms.
+        median: median relative difference of f.
+    """
+
+    relative_rmse: float
+    median: float
+
+
+def write(material: Brdf, path: Path) -> ConversionError:
+    """Write a material as a MERL table, and measure the error of the conversion.
+
+    An entry is f at the middle of its cell. The format holds one value for a pair of directions and the exchanged pair:
+    of a material that is not reciprocal it gets the mean of both. A material of one channel is written as grey.
+
+    Raises:
+        InputError: an anisotropic material; another number of channels than one or three.
+        OSError: the file cannot be written.
+    """
+    lengths = {len(value) for value in material.parameters.values() if value.ndim}
+    if lengths - {1, 3}:
+        raise InputError(
+            f"{path}: a MERL table has the channels R, G, B, and the material has {max(lengths)}; fit it to RGB "
+            "(--channels rgb)."
+        )
+    _check_isotropic(material, path)
+    wi, wo, _ = cells()
+    above = (wi[:, 2] > 0) & (wo[:, 2] > 0)
+    f = torch.full((CELLS, 3), INVALID, dtype=torch.float64)
+    batches = zip(wi[above].split(_TOGETHER), wo[above].split(_TOGETHER), strict=True)
+    with torch.no_grad():
+        f[above] = torch.cat([_symmetric(material, *batch) for batch in batches])
+    stored = f.numpy().T / SCALES[:, None]
+    stored[:, ~above.numpy()] = INVALID
+    with path.open("wb") as file:
+        np.array(SHAPE, dtype="<i4").tofile(file)
+        stored.astype("<f8").tofile(file)
+    return _error(material, f)
+
+
+def _symmetric(material: Brdf, wi: Tensor, wo: Tensor) -> Tensor:
+    """The mean of f(wi, wo) and f(wo, wi) [n, 3]."""
+    return (0.5 * (material(wi, wo) + material(wo, wi))).expand(-1, 3)
+
+
+def _check_isotropic(material: Brdf, path: Path) -> None:
+    wi, wo = _random_pairs(500)
+    turn = torch.tensor(
+        [[math.cos(_TURN), math.sin(_TURN), 0], [-math.sin(_TURN), math.cos(_TURN), 0], [0, 0, 1]], dtype=torch.float64
+    )
+    with torch.no_grad():
+        f, turned_f = material(wi, wo), material(wi @ turn, wo @ turn)
+    if float((f - turned_f).abs().max()) > _ROUNDING * float(f.abs().max()):
+        raise InputError(
+            f"{path}: a MERL table holds isotropic materials, and {material.expression} changes when the surface turns "
+            "about its normal; take another target."
+        )
+
+
+def _random_pairs(count: int) -> tuple[Tensor, Tensor]:
+    """Pairs of directions spread evenly over both hemispheres up to 80° from the normal."""
+    generator = torch.Generator().manual_seed(0)
+    cos, phi = (torch.rand(2, count, generator=generator, dtype=torch.float64) for _ in range(2))
+    cos = math.cos(_LARGEST_ANGLE) + (1 - math.cos(_LARGEST_ANGLE)) * cos
+    wi, wo = from_angles(cos.acos(), 2 * math.pi * phi)
+    return wi, wo
+
+
+def _error(material: Brdf, f: Tensor) -> ConversionError:
+    """The error of looking up f [CELLS, 3] instead of evaluating the material."""
+    wi, wo = _random_pairs(_PAIRS)
+    table = f[_places(wi, wo)]
+    with torch.no_grad():
+        true = material(wi, wo).expand(-1, 3)
+    known = (table >= 0).all(1)
+    difference, true = (table - true)[known], true[known]
+    cosine = wi[known, 2:]
+    relative = float(((difference * cosine).square().sum() / (true * cosine).square().sum().clamp(min=1e-300)).sqrt())
+    return ConversionError(relative, float((difference.abs() / true.clamp(min=1e-300)).median()))
+
+
+def _places(wi: Tensor, wo: Tensor) -> Tensor:
+    """The cell of pairs of directions [n], by the integer parts of their coordinates, as viewers look it up."""
+    half = torch.nn.functional.normalize(wi + wo, dim=-1)
+    theta_h = half[:, 2].clamp(-1, 1).acos()
+    phi_h = torch.atan2(half[:, 1], half[:, 0])
+    x, y = wi[:, 0] * phi_h.cos() + wi[:, 1] * phi_h.sin(), wi[:, 1] * phi_h.cos() - wi[:, 0] * phi_h.sin()
+    difference = turned(torch.stack([x, y, wi[:, 2]], dim=-1), -theta_h)
+    theta_d = difference[:, 2].clamp(-1, 1).acos()
+    phi_d = torch.atan2(difference[:, 1], difference[:, 0]) % math.pi
+    i = (SHAPE[0] * (theta_h / (0.5 * math.pi)).sqrt()).long().clamp(max=SHAPE[0] - 1)
+    j = (SHAPE[1] * theta_d / (0.5 * math.pi)).long().clamp(max=SHAPE[1] - 1)
+    k = (SHAPE[2] * phi_d / math.pi).long().clamp(max=SHAPE[2] - 1)
+    return (i * SHAPE[1] + j) * SHAPE[2] + k

@@ -1,0 +1,40 @@
+"""The result folder of a fit to a measured table."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import matest
+from matest.estimation.table_fit import TableFit
+from matest.progress import Progress, silent
+from matest.report.folder import check_destination, whole_folder, write_json
+from matest.report.table_page import table_page
+from matest.report.table_plots import plot_incidences, plot_posterior, plot_slices
+
+
+def write_fit(fit: TableFit, out: Path, command: str = "", progress: Progress = silent) -> TableFit:
+    """Write the result folder of a fit; returns the fit with its provenance and timing completed.
+
+    Writes `result.json`, `material.json`, `report.html`, and in `images/` the pictures of `table_plots`.
+    """
+    check_destination(out, "result.json")
+    clock, path = time.perf_counter(), fit.samples.table.path
+    progress("writing the report")
+    with path.open("rb") as file:
+        digest = "sha256:" + hashlib.file_digest(file, "sha256").hexdigest()
+    provenance = {"matest": matest.__version__, "command": command, "inputs": {path.name: digest}}
+    with whole_folder(out) as folder:
+        (folder / "images").mkdir()
+        plot_slices(fit, folder / "images" / "slices.png")
+        plot_incidences(fit, folder / "images" / "incidences.png")
+        plot_posterior(fit.estimate, folder / "images" / "posterior.png")
+        timing = {**fit.estimate.timing_s, "report": time.perf_counter() - clock}
+        timing["total"] = sum(timing.values())
+        fit = replace(fit, estimate=replace(fit.estimate, timing_s=timing, provenance=provenance))
+        write_json(folder / "material.json", fit.estimate.material_dict())
+        (folder / "report.html").write_text(table_page(fit), "utf-8")
+        write_json(folder / "result.json", fit.to_dict())
+    return fit

@@ -1,0 +1,37 @@
+"""Measured reflectances: files of directions and values, one module a format, and the samples that they give."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from matest.errors import InputError
+from matest.tables import cornell, csv, merl
+from matest.tables.declaration import Declaration
+from matest.tables.table import Table
+
+# Reader of each format, by the suffix of its files.
+FORMATS = {
+    ".binary": merl.read,
+    ".brdf": cornell.read,
+    ".csv": csv.read,
+}
+
+__all__ = ["FORMATS", "Declaration", "Table", "load_table"]
+
+
+def load_table(path: str | Path, declaration: Declaration | None = None) -> Table:
+    """The measured reflectance in a file: MERL `.binary`, Cornell `.brdf`, or CSV.
+
+    Args:
+        path: the file.
+        declaration: what the file leaves open, and which channels to take.
+
+    Raises:
+        InputError: no such file, a format that is not read, content that cannot be used.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in FORMATS:
+        raise InputError(f"{path}: expected a measured table ({', '.join(FORMATS)}); got '{path.suffix or path.name}'.")
+    if not path.is_file():
+        raise InputError(f"{path}: expected a file with a measured table, and there is none; check the path.")
+    return FORMATS[path.suffix.lower()](path, declaration or Declaration())

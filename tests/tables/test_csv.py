@@ -1,0 +1,99 @@
+"""CSV tables: every reading of them, what they declare, what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import torch
+
+from matest.brdf import CookTorrance, Lambert, OrenNayar
+from matest.errors import InputError
+from matest.tables import Declaration, load_table
+from tests.tables.goniometer import hemispherical, measured, write_csv
+
+GLOSS = CookTorrance(0.3, 1.0, 0.15)
+PLAIN = Declaration(azimuth="retro", quantity="f")
+
+
+@pytest.mark.parametrize("degrees", [False, True])
+@pytest.mark.parametrize("forward", [False, True])
+def test_units_and_azimuth_are_seen(tmp_path: Path, degrees: bool, forward: bool) -> None:
+    table = measured(GLOSS, hemispherical())
+    path = write_csv(table, tmp_path / "a.csv", degrees=degrees, forward=forward)
+    read = load_table(path, Declaration(quantity="f"))
+    # The frame may be turned about the normal; angles between directions are what they were.
+    torch.testing.assert_close((read.wi * read.wo).sum(-1), (table.wi * table.wo).sum(-1), atol=1e-7, rtol=0)
+    torch.testing.assert_close(read.values, table.values, atol=1e-7, rtol=1e-7)
+    words = f"angles in {'deg' if degrees else 'rad'}, azimuth {'forward' if forward else 'retro'}"
+    assert words in read.notes[0]
+
+
+@pytest.mark.parametrize("scale", ["f", "pi-f", "f-cos"])
+def test_declared_quantities_become_f(tmp_path: Path, scale: str) -> None:
+    table = measured(GLOSS, hemispherical())
+    path = write_csv(table, tmp_path / "a.csv", scale=scale)
+    declaration = Declaration(azimuth="retro", quantity=scale)  # type: ignore[arg-type]
+    torch.testing.assert_close(load_table(path, declaration).values, table.values, rtol=1e-6, atol=1e-9)
+
+
+def test_a_file_declares_its_reading(tmp_path: Path) -> None:
+    path = write_csv(measured(Lambert(0.5), hemispherical()), tmp_path / "a.csv", degrees=True)
+    path.write_text("# units: deg\n# azimuth = forward\n# quantity: pi-f\n" + path.read_text())
+    table = load_table(path)
+    assert table.notes == ["Read with angles in deg, azimuth forward, quantity pi-f."]
+    assert float(table.values.mean()) == pytest.approx(0.5 / torch.pi**2, rel=0.01)
+    # An option comes first.
+    assert float(load_table(path, Declaration(quantity="f")).values.mean()) == pytest.approx(0.5 / torch.pi, rel=0.01)
+
+
+def test_wavelengths_and_repeated_names_of_columns(tmp_path: Path) -> None:
+    rows = "\n0.5,0,0.3,1,0.1,0.2\n"
+    path = tmp_path / "a.csv"
+    path.write_text("theta_i,phi_i,theta_r,phi_r,450 nm,550nm" + rows)
+    table = load_table(path, PLAIN)
+    assert table.wavelengths is not None
+    assert table.wavelengths.tolist() == [0.45, 0.55]
+    path.write_text("theta_i,phi_i,theta_r,phi_r,value,value" + rows)
+    assert load_table(path, PLAIN).channels == ["value 0", "value 1"]
+
+
+def test_negative_polar_angles_lie_beyond_the_normal(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("theta_i,phi_i,theta_r,phi_r,value\n30,0,-30,0,0.1\n30,0,30,180,0.1\n")
+    table = load_table(path, Declaration(units="deg", azimuth="retro", quantity="f"))
+    torch.testing.assert_close(table.wo[0], table.wo[1])
+
+
+def test_rows_below_the_horizon_and_gaps_are_left_out(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("theta_i,phi_i,theta_r,phi_r,value\n30,0,30,180,0.1\n30,0,95,180,0.1\n30,0,40,180,\n")
+    table = load_table(path, Declaration(units="deg", azimuth="retro", quantity="f"))
+    assert len(table) == 1
+    assert table.skipped == {"not a number": 1, "below the horizon": 1}
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a,b,c,d,e\n1,2,3,4,5\n", "expected the columns theta_i,phi_i,theta_r,phi_r"),
+        ("theta_i,phi_i,theta_r,phi_r,value\n0.1,0,0.2,bright,1\n", "expected 5 numbers in line 2"),
+        ("theta_i,phi_i,theta_r,phi_r,value\n0.1,0,0.2\n", "expected 5 numbers in line 2"),
+        ("theta_i,phi_i,theta_r,phi_r,value\n", "there are none"),
+        ("theta_i,phi_i,theta_r,phi_r,value\n0.5,0,0.6,180,1\n", "as if in different units"),
+        ("# units: furlong\ntheta_i,phi_i,theta_r,phi_r,value\n0.5,0,0.6,1,1\n", "units must be one of rad, deg"),
+    ],
+)
+def test_bad_tables_are_refused_in_a_sentence(tmp_path: Path, text: str, words: str) -> None:
+    path = tmp_path / "bad.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=f"bad.csv: .*{words}"):
+        load_table(path)
+
+
+def test_matte_tables_do_not_tell_the_side_of_the_azimuth(tmp_path: Path) -> None:
+    for material in (Lambert(0.5), OrenNayar(0.7, 0.6)):
+        for forward in (False, True):
+            path = write_csv(measured(material, hemispherical()), tmp_path / "a.csv", forward=forward)
+            with pytest.raises(InputError, match="both readings fit alike; declare --azimuth"):
+                load_table(path, Declaration(quantity="f"))
