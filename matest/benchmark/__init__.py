@@ -15,6 +15,7 @@ SUITES = {
     "stress": "non-finite results at ten million adversarial points a model, and float32 against float64",
     "efficiency": "errors on 2,000 simulated captures a model against the Cramér-Rao bound",
     "outliers": "the same with spoilt pixels",
+    "selection": "the components that auto finds, and its time against naming the model",
     "estimate": "time of 12 photographs of a megapixel against decoding them",
     "peers": "time to 1 % against other solvers",
     "frontier": "error of every solver over time",
