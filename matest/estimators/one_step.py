@@ -26,6 +26,10 @@ _ONE_STEP_CHI2 = 1.05
 _MAX_OUTLIER_SHARE = 0.1
 # Median of |N(0, 1)|.
 _MEDIAN_DEVIATION = 0.6745
+# Standard deviation of the median of n such values relative to it, times √n.
+_MEDIAN_STD = 1.166
+# Standard deviations of that median up to which the residuals are the noise.
+_CHANCE_DEVIATIONS = 3.0
 
 
 def expand_likelihood(problem: Problem, tiles: list[Tile], unknowns: Tensor) -> tuple[float, list[Tile]]:
@@ -58,7 +62,11 @@ def _residual_scale(deviations: Tensor) -> float:
         return 1.0
     trusted_count = max(int((1 - _MAX_OUTLIER_SHARE) * len(deviations)), 1)
     largest_trusted = float(deviations.kthvalue(trusted_count).values)
-    return max(float(deviations.median()) / _MEDIAN_DEVIATION, largest_trusted / TRUSTED, 1.0)
+    typical = float(deviations.median()) / _MEDIAN_DEVIATION
+    # Clipped values count with this scale and others without: one that is chance would move the optimum.
+    if typical < 1 + _CHANCE_DEVIATIONS * _MEDIAN_STD / math.sqrt(len(deviations)):
+        typical = 1.0
+    return max(typical, largest_trusted / TRUSTED, 1.0)
 
 
 @single_threaded_torch()

@@ -207,8 +207,9 @@ def about(
     std = variance.sqrt()
     plain = torch.minimum(reference - lower, upper - reference) > _CLEAR_OF_CLIPPING * std
     if strays:
-        # Values far from the reference were not clipped by noise.
-        plain = plain | (squared > far)
+        # Rejected values were not clipped by noise. Those a little nearer may be its tail: to count only that of values
+        # near the ends would make the noise look larger.
+        plain = plain | (squared > (REJECTED * residual_scale) ** 2)
     response, weight = radiance, _of_means(weight, means)
     errors, clipped = None, noise.clipped_values()
     if clipped is not None:

@@ -7,12 +7,14 @@ from dataclasses import replace
 import pytest
 import torch
 
+from matest.benchmark.instruments.photographs import Sensor, ring, sphere, subject
 from matest.brdf import Brdf, CookTorrance
 from matest.estimators import accumulate, fit, fit_batches
 from matest.estimators.levenberg_marquardt import Solution, minimise
 from matest.estimators.moments import SCORES
 from matest.estimators.one_step import END_TOLERANCE, single_step
 from matest.estimators.statistics import Statistics
+from matest.photographs.noise import Noise
 from matest.photographs.pilot import pilot
 from matest.photographs.samples import PhotographSamples
 from tests.problems import problem
@@ -71,3 +73,20 @@ def test_a_model_that_misses_takes_another_pass() -> None:
     scores[:, SCORES.index("chi2")] *= 1.1
     assert single_step(start, statistics) is not None
     assert single_step(start, replace(statistics, scores=scores)) is None
+
+
+def test_the_tail_of_noise_near_the_ends_of_the_range_does_not_widen_it() -> None:
+    # A dim body, two in five values of which are clipped at black, under a highlight that few pixels see: these alone
+    # are judged, and the few values of the body that lie four deviations off must not be judged with them.
+    material = CookTorrance(
+        diffuse=torch.full((3,), 0.007), specular=torch.full((3,), 0.03), slope=0.01, f0=0.14, normalisation="ngan"
+    )
+    lights = ring(6)
+    captures = [subject(sphere(128), lights, material, Sensor(noise=Noise(2e-3, 2e-4)), seed=seed) for seed in range(4)]
+    for capture in captures:
+        samples, problem = capture.photograph().samples(), capture.problem({"f0": 0.14})
+        solution = fit(problem, samples, 0)
+        truth = problem.unknowns_at(material.parameters)
+        assert solution.residual_scale == 1.0
+        deviations = (solution.unknowns - truth) / capture.cramer_rao(problem).std
+        assert float(deviations.abs().max()) < 4
