@@ -246,7 +246,7 @@ def coefficients(problem: Problem, unknowns: Tensor) -> Coefficients:
     values = problem.values(unknowns)
     sizes = problem.brdf.structure.columns
     # Each column has its own copy of the shape parameters: one reverse pass a term yields all derivatives.
-    terms, leaves = _probe(problem, unknowns, max(sizes))
+    terms, leaves = _probe(problem, [unknowns] * max(sizes))
     totals = []
     slopes: dict[str, list[Tensor]] = {name: [] for name in problem.free}
     for term, size in zip(terms, sizes, strict=True):
@@ -272,23 +272,23 @@ def coefficients(problem: Problem, unknowns: Tensor) -> Coefficients:
     return Coefficients(total, torch.stack(stacked, dim=-1) if stacked else total.new_zeros(*total.shape, 0))
 
 
-def mixture(problem: Problem, unknowns: Tensor) -> tuple[list[Product], list[Tensor]]:
-    """The factors of each term, and the weights of its columns at unit amplitude [C, Q]."""
-    terms, _ = _probe(problem, unknowns, 1)
+def mixture(problem: Problem, points: Sequence[Tensor]) -> tuple[list[Product], list[Tensor]]:
+    """The factors of each term, and the weights [S, C, Q] of its columns at unit amplitude at S unknowns u [P]."""
+    terms, _ = _probe(problem, points)
     out = []
     for term, size in zip(terms, problem.brdf.structure.columns, strict=True):
         weights = torch.ones(1, 1, dtype=torch.float64) if term.weights is None else term.weights
-        weights = weights[0] if weights.ndim == 3 else weights
-        out.append(weights.detach().expand(problem.channels, size))
+        out.append(weights.detach().expand(len(points), problem.channels, size))
     return [term.factors for term in terms], out
 
 
-def _probe(problem: Problem, unknowns: Tensor, copies: int) -> tuple[tuple[Term, ...], dict[str, Tensor]]:
-    """The terms at one pair of directions, with `copies` of the estimated shape parameters as leaves."""
-    values = problem.values(unknowns)
+def _probe(problem: Problem, points: Sequence[Tensor]) -> tuple[tuple[Term, ...], dict[str, Tensor]]:
+    """The terms at one pair of directions, with the estimated shape parameters at S unknowns u [P] as leaves [S, …]."""
+    values = problem.values(points[0])
     width = max((problem.count(name) for name in problem.shapes), default=1)
+    stacked = torch.stack([*points])
     leaves = {
-        name: values[name].reshape(1, -1).expand(copies, width).clone().requires_grad_() for name in problem.shapes
+        name: stacked[:, problem.where[name]].expand(-1, width).clone().requires_grad_() for name in problem.shapes
     }
     values |= leaves
     values |= {name: leaves[source] for name, source in problem.ties.items() if source in leaves}

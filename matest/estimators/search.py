@@ -159,13 +159,14 @@ def _repeated(least_squares: LeastSquares, times: int) -> LeastSquares:
 def _from_column_statistics(problem: Problem, compressed: ColumnStatistics, points: list[Tensor]) -> Normal:
     """Factors, Gram matrices and moments at every point, from one set of moments of all columns."""
     gram, moment = (part.sum(0) for part in (compressed.moments.gram, compressed.moments.moment))
-    factors: list[Product] = []
-    mixtures = []
-    for unknowns in points:
-        factors, weights = mixture(problem, unknowns)
-        # Columns to terms, [C, K, T].
-        mixtures.append(torch.stack([torch.block_diag(*rows).T for rows in zip(*weights, strict=True)]))
-    mixed = torch.stack(mixtures)
+    factors, weights = mixture(problem, points)
+    # Columns to terms, [G, C, K, T].
+    mixed = gram.new_zeros(len(points), *gram.shape[:2], len(weights))
+    start = 0
+    for term, of_columns in enumerate(weights):
+        end = start + of_columns.shape[-1]
+        mixed[:, :, start:end, term] = of_columns
+        start = end
     return factors, mixed.mT @ gram @ mixed, (mixed.mT @ moment[..., None])[..., 0]
 
 
