@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterator
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -115,7 +116,9 @@ class PhotographSamples(LitPixels):
                 for position in range(len(self.images))
                 if edges[position] < edges[position + 1]
             ]
-            yield join([self.at(position, self.indices(position)[some]) for position, some in by_image])
+            batch = join([self.at(position, self.indices(position)[some]) for position, some in by_image])
+            # Tiles have a channel in a row; a training loop may want to view the values of a sample as one.
+            yield replace(batch, radiance=batch.radiance.contiguous())
 
 
 def _estimated(noise: Noise) -> str:

@@ -25,7 +25,7 @@ def windows(surface: Surface) -> np.ndarray:
     offsets = np.array([[-width], [0], [width]]) + np.array([-1, 0, 1])
     # A row of windows' pixels is ascending, which makes the search quick.
     places = surface.pixels[centres[inside]] + offsets.reshape(9, 1)
-    index = np.searchsorted(surface.pixels, places).clip(max=count - 1)
+    index = np.searchsorted(surface.pixels, places.astype(surface.pixels.dtype)).clip(max=count - 1)
     whole = (surface.pixels[index] == places) & ~surface.rim[index]
     return index[:, whole.all(axis=0)].T.copy()
 

@@ -47,7 +47,7 @@ class Raster:
         """One pixel of every `step`×`step` of a surface, from the middle of each square."""
         rows, columns = (np.arange(step // 2, side, step) for side in surface.shape)
         shown = (rows[:, None] * surface.shape[1] + columns).ravel()
-        nearest = np.searchsorted(surface.pixels, shown).clip(max=len(surface) - 1)
+        nearest = np.searchsorted(surface.pixels, shown.astype(surface.pixels.dtype)).clip(max=len(surface) - 1)
         on_object = surface.pixels[nearest] == shown
         index = nearest[on_object]
         sources = np.full(len(shown), len(index))

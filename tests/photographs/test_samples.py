@@ -24,6 +24,8 @@ def test_unshuffled_batches_run_through_the_images_in_order(size):
     assert [len(batch) for batch in batches[:-1]] == [size] * (len(batches) - 1)
     whole = torch.cat([samples.at(k, samples.indices(k)).radiance for k in range(len(samples.images))])
     torch.testing.assert_close(torch.cat([batch.radiance for batch in batches]), whole, rtol=0, atol=0)
+    # A training loop may view the values of a sample as one.
+    assert all(batch.radiance.is_contiguous() for batch in batches)
 
 
 @pytest.mark.parametrize("size", [64, 333, 100_000])
