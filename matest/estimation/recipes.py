@@ -59,7 +59,7 @@ RECIPES = (
     _recipe(1, "oren-nayar", "rough matte", _C.BODY, _C.ROUGHNESS),
     _recipe(1, "cook-torrance(fresnel=schlick,diffuse=0)", "metal", _C.METAL),
     _recipe(2, "cook-torrance", "gloss over matte", _C.BODY, _C.GLOSS),
-    _recipe(2, "cook-torrance(fresnel=schlick)", "metal with diffuse light", _C.METAL, _C.MULTIPLE),
+    _recipe(2, "cook-torrance(fresnel=schlick)", "metal or coloured gloss over matte", _C.METAL, _C.MULTIPLE),
     _recipe(2, "li-torrance", "coated or paper-like", _C.COAT, _C.GLOSS),
     _recipe(2, f"li-torrance(uniform=on,subsurface=off,{_METALLIC})", "rough metal", _C.METAL, _C.MULTIPLE),
     _recipe(2, "oren-nayar+torrance-sparrow", "gloss over rough matte", _C.BODY, _C.ROUGHNESS, _C.GLOSS),
@@ -77,8 +77,8 @@ RECIPES = (
     _recipe(DISTRIBUTIONS, f"cook-torrance({_GGX},fresnel=schlick,diffuse=0)", "metal", _C.METAL, _C.TAIL),
     _recipe(DISTRIBUTIONS, f"cook-torrance({_GGX})", "gloss over matte", _C.BODY, _C.GLOSS, _C.TAIL),
     _recipe(
-        DISTRIBUTIONS, f"cook-torrance({_GGX},fresnel=schlick)", "metal with diffuse light", _C.METAL, _C.MULTIPLE,
-        _C.TAIL,
+        DISTRIBUTIONS, f"cook-torrance({_GGX},fresnel=schlick)", "metal or coloured gloss over matte", _C.METAL,
+        _C.MULTIPLE, _C.TAIL,
     ),
     _recipe(
         DISTRIBUTIONS, f"oren-nayar+cook-torrance({_GGX})", "gloss over rough matte", _C.BODY, _C.ROUGHNESS, _C.GLOSS,

@@ -77,7 +77,7 @@ def _equivalent(best: Trial, rival: Trial) -> str:
         f"a photograph with the light {angle}° from the camera would tell them apart (they differ there by "
         f"{difference:.0%})"
         if difference > _TELLING
-        else "no light would tell them apart"
+        else f"no light within {_ANGLES[-1]}° of the camera would show a difference above {_TELLING:.0%}"
     )
     return (
         f"Not told apart here: {best.recipe.expression} ({best.recipe.surface}) and {rival.recipe.expression} "

@@ -34,7 +34,7 @@ def test_a_rival_that_fits_as_well_is_named_with_its_values_and_the_light_that_w
     for rival, sentence in zip(rivals, said, strict=True):
         assert rival.recipe.expression in sentence
         assert selection.best.recipe.expression in sentence
-        assert "° from the camera would tell them apart" in sentence or "no light would tell" in sentence
+        assert "° from the camera would tell them apart" in sentence or "no light within 120° of the camera" in sentence
         assert not rival.recipe.components > selection.best.recipe.components
 
 
