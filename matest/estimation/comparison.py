@@ -22,6 +22,8 @@ _LEAST_SHARE = 0.02
 _LEAST_SHARE_BEYOND_NOISE = 0.2
 # χ² per value of a model that describes the samples, with room for noise that was estimated from the photographs.
 _DESCRIBED_CHI2 = 1.1
+# Share of the misfit below which a smaller one is none that a person would speak of.
+_LEAST_WORTH_SAYING = 5e-4
 # Squared errors relative to the noise below this are rounding.
 _LEAST_ERROR = 1e-12
 
@@ -68,15 +70,15 @@ def judge_trials(trials: Sequence[Trial]) -> tuple[Trial, list[str]]:
     best, reasons = trials[0], ["the simplest model tried"]
     for trial in trials[1:]:
         name, share = best.recipe.expression, 1 - trial.score / max(best.score, _LEAST_ERROR)
-        if share <= 0:
+        if share < _LEAST_WORTH_SAYING:
             reasons.append(f"predicts {{unit}}s left out no better than {name}")
         elif not is_better(trial, best):
-            reasons.append(f"not clearly better than {name}: its error is {share:.1%} smaller, within chance")
+            reasons.append(f"not clearly better than {name}: its misfit is {share:.1%} smaller, within chance")
         elif trial.holds and not best.holds:
             reasons.append(f"meets {{unit}}s left out to their noise, which {name} does not")
         else:
-            reasons.append(f"predicts {{unit}}s left out better than {name}: its error is {share:.1%} smaller")
-        best = trial if share > 0 and is_better(trial, best) else best
+            reasons.append(f"predicts {{unit}}s left out better than {name}: its misfit is {share:.1%} smaller")
+        best = trial if share >= _LEAST_WORTH_SAYING and is_better(trial, best) else best
     return best, reasons
 
 

@@ -15,7 +15,7 @@ from matest.estimation.prediction import relative_error
 from matest.estimation.remarks import message, skipped, unread_samples
 from matest.estimation.result import Estimate, Fit
 from matest.estimation.selection import select
-from matest.estimation.specification import Specification, freed, specify_unknowns
+from matest.estimation.specification import Specification, expression_of, freed, specify_unknowns
 from matest.estimation.verdict import sentences
 from matest.estimation.warnings import Context, warnings
 from matest.estimators import Solution, fit
@@ -105,7 +105,7 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
     fit_s = time.perf_counter() - clock + capture.timing.get("noise", 0.0)
     return Estimate(
         capture=capture.name,
-        model=expression if selection else material.expression,
+        model=expression_of(material, expression),
         material=material,
         parameters=dict(posterior.estimates),
         labels=list(posterior.labels),

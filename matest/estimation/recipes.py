@@ -85,7 +85,7 @@ RECIPES = (
         _C.TAIL,
     ),
     _recipe(
-        DISTRIBUTIONS, f"cook-torrance(lobes=2,{_GGX})", "gloss of two widths over matte", _C.BODY, _C.GLOSS,
-        _C.SECOND_LOBE, _C.TAIL,
+        DISTRIBUTIONS, "cook-torrance(distribution=ggx,lobes=2,masking=smith)", "gloss of two widths over matte",
+        _C.BODY, _C.GLOSS, _C.SECOND_LOBE, _C.TAIL,
     ),
 )  # fmt: skip

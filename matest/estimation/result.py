@@ -57,8 +57,8 @@ class Candidate:
 
     Attributes:
         model: its expression.
-        score: error on images left out relative to their signal, over a sample even over angles; models are compared
-            by it.
+        score: misfit on what was left out, images or bands of them: the rms error of single values in units of the
+            noise, over a sample even over angles; models are compared by it.
         relative_rmse: error on images left out, over all usable values, as in `Fit`.
         reason: why the model was chosen or not.
     """

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 import math
 from collections.abc import Sequence
@@ -126,7 +125,8 @@ def select(samples: Samples, options: Options, progress: Progress = silent) -> S
             trials += _compete(recipes, [*first], field, mixture, pilot, progress)
     best, reasons = judge_trials(trials)
     mixture_error = math.sqrt(mixture.cost / max(mixture.values, 1))
-    unfit = [recipe.expression for recipe in RECIPES if recipe not in problems]
+    last = max(trial.recipe.level for trial in trials)
+    unfit = [recipe.expression for recipe in RECIPES if recipe not in problems and recipe.level <= last]
     return Selection(best, trials, reasons, pilot.unit, mixture_error, unfit, samples.relative)
 
 
@@ -137,14 +137,22 @@ def _problems(samples: Samples, options: Options) -> dict[Recipe, Problem]:
         InputError: none has them.
     """
     problems: dict[Recipe, Problem] = {}
+    reasons: list[str] = []
     for recipe in RECIPES:
-        with contextlib.suppress(InputError):
+        try:
             problems[recipe] = specify_unknowns(
                 recipe.expression, options, channels=samples.channels, relative=samples.relative, scene=samples
             ).problem
+        except InputError as error:
+            reasons.append(str(error))
     if not problems:
         names = ", ".join([*options.fix, *options.free, *options.tie])
-        raise InputError(f"no model that 'auto' tries fits what was said of {names}: name the model with --model.")
+        # That a model lacks a parameter says less than what is wrong with its value in a model that has it.
+        telling = [reason for reason in reasons if "has no parameter" not in reason] or reasons
+        raise InputError(
+            f"no model that 'auto' tries takes what was said of {names} ({telling[0].rstrip('.')}): correct it, or "
+            "name the model with --model."
+        )
     return problems
 
 
@@ -174,7 +182,7 @@ def _is_needed(level: int, trials: Sequence[Trial], mixture: Mixture, options: O
     """Whether models of a level may be better than those tried."""
     if level == DISTRIBUTIONS:
         return options.model == AUTO_ANY_DISTRIBUTION or not any(trial.holds for trial in trials)
-    return level <= _FIRST_END or not any(_explains(trial, mixture) for trial in trials)
+    return level <= _FIRST_END or not any(trial.holds and _explains(trial, mixture) for trial in trials)
 
 
 def _explains(trial: Trial, mixture: Mixture) -> bool:

@@ -168,6 +168,23 @@ def _check_requests(brdf: Brdf, fixed: Collection[str], free: Collection[str], t
         raise InputError(f"{', '.join(sorted(clash))} cannot be both fixed and free; give one of --fix and --free.")
 
 
+def expression_of(material: Brdf, expression: str) -> str:
+    """The expression of a material, with the values that the brackets of the one asked for hold."""
+    _, held = model(expression)
+    words = []
+    for component in material.components if isinstance(material, Sum) else (material,):
+        prefix = f"{component.name}." if isinstance(material, Sum) else ""
+        name, _, options = component.expression.removesuffix(")").partition("(")
+        values = [
+            f"{path.removeprefix(prefix)}={value:g}"
+            for path, value in held.items()
+            if path.startswith(prefix) and f"{path.removeprefix(prefix)}=" not in options
+        ]
+        brackets = ",".join([*([options] if options else []), *values])
+        words.append(f"{name}({brackets})" if brackets else name)
+    return "+".join(words)
+
+
 def freed(specification: Specification, names: Sequence[str]) -> Specification:
     """The same specification with some held parameters estimated."""
     default_held = tuple(name for name in specification.default_held if name not in names)

@@ -17,7 +17,7 @@ from matest.estimation.estimate import solve, summary
 from matest.estimation.options import AUTO, Options, Value
 from matest.estimation.result import Estimate
 from matest.estimation.selection import select
-from matest.estimation.specification import Specification
+from matest.estimation.specification import Specification, expression_of
 from matest.estimation.warnings import GENERAL_RULES, Context, warnings
 from matest.estimators import Solution, fit
 from matest.estimators.passes import radiance_model
@@ -161,7 +161,12 @@ def fit_table_with(
     samples = TableSamples.of(table, loss, start, noise_stated=is_stated)
     expression, selection = options.model, None
     if expression is None or options.automatic:
-        selection = replace(select(samples, options, progress), unit="incidence")
+        selection = select(samples, options, progress)
+        if not is_stated:
+            # Under the noise that the best model leaves, another one may be better.
+            samples, *_ = _solved(selection.best.recipe.expression, samples, options, progress)
+            selection = select(samples, options, progress)
+        selection = replace(selection, unit="incidence")
         expression = selection.best.recipe.expression
     samples, specification, solution = _solved(expression, samples, options, progress)
     progress("error bars")
@@ -169,13 +174,14 @@ def fit_table_with(
     bars = replace(posterior.bars, kind=posterior.bars.kind.replace("images", "incidences"))
     posterior = replace(posterior, bars=bars)
     material = solution.problem.material(solution.unknowns)
+    named = expression_of(material, expression)
     misfits = _misfits(samples, _model(samples, solution))
-    verdict = _verdict(misfits[0], material.expression, selection is not None)
-    said = [*([verdict] if verdict else []), *_where_missed(material.expression, *misfits)]
+    verdict = _verdict(misfits[0], named, selection is not None)
+    said = [*([verdict] if verdict else []), *_where_missed(named, *misfits)]
     context = Context(samples, specification, solution, posterior, None)
     estimate = Estimate(
         capture=str(table.path.name),
-        model=expression if selection else material.expression,
+        model=named,
         material=material,
         parameters=dict(posterior.estimates),
         labels=list(posterior.labels),
@@ -287,8 +293,10 @@ def _sentence(samples: TableSamples, solution: Solution, bars: ErrorBars) -> str
     if samples.loss.comparison is not None:
         return f"{outcome} to the least {samples.loss.value} cost; error bars from the {bars.kind}."
     if not samples.noise_stated:
-        typical = float(samples.noise.relative.median())
-        spread = f"residuals are as large as noise of {typical:.2g} of the value"
+        spread = "residuals are as large as noise of " + " and ".join(
+            _range(part, unit)
+            for part, unit in ((samples.noise.relative, "of the value"), (samples.noise.floor, "1/sr"))
+        )
         return (
             f"{outcome}; {spread}, and as random."
             if bars.holds
@@ -300,6 +308,12 @@ def _sentence(samples: TableSamples, solution: Solution, bars: ErrorBars) -> str
         f"{outcome}; the model does not hold to the stated noise ({bars.reason}), so error bars come from the "
         f"{bars.kind}."
     )
+
+
+def _range(values: Tensor, unit: str) -> str:
+    """The value of all channels, or the least and the largest."""
+    least, largest = f"{float(values.min()):.2g}", f"{float(values.max()):.2g}"
+    return f"{least} {unit}" if least == largest else f"{least} to {largest} {unit}"
 
 
 def _assumed_optics(context: Context) -> Iterator[str]:

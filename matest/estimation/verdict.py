@@ -33,7 +33,8 @@ def sentences(selection: Selection) -> Iterator[str]:
     best = selection.best
     if not best.holds:
         yield _nothing_holds(selection)
-    yield from (_equivalent(best, rival) for rival in equivalents(best, selection.trials))
+    else:
+        yield from (_equivalent(best, rival) for rival in equivalents(best, selection.trials))
     if selection.unfit:
         scale = ", or take up the unknown strength of the lights" if selection.relative else ""
         models = ", ".join(selection.unfit)

@@ -22,7 +22,7 @@ from matest.samples import Tile
 # Share of the largest radiance of all columns: less than this is rounding.
 _NEGLIGIBLE = 1e-12
 
-# Nodes of the free shape parameters of a problem, by path: the same number of each.
+# Nodes of the free shape parameters of a problem, by path: the same number of each, or a single one.
 Grid = Mapping[str, Sequence[float]]
 
 
@@ -164,18 +164,19 @@ class _Component:
     def _values(self) -> dict[str, Tensor]:
         """Values of the parameters that its shapes depend on: those held, a scalar or [C], and the nodes [S]."""
         names = {name for term in self.brdf.structure.terms for name in term.shape_parameters}
-        return {
-            name: torch.tensor(self.grid[self._source(name)], dtype=torch.float64)
-            if name in self._gridded
-            else self.problem.held[self._source(name)].double()
-            for name in self.brdf.declared
-            if name in names
-        }
+        values = {}
+        for name in self.brdf.declared:
+            nodes = self.grid.get(self._source(name))
+            if name in names and nodes is not None:
+                values[name] = torch.tensor(nodes if len(nodes) > 1 else nodes[0], dtype=torch.float64)
+            elif name in names:
+                values[name] = self.problem.held[self._source(name)].double()
+        return values
 
     @cached_property
     def _gridded(self) -> set[str]:
-        """Its parameters that run through nodes."""
-        return {name for name in self.brdf.declared if self._source(name) in self.grid}
+        """Its parameters that run through several nodes."""
+        return {name for name in self.brdf.declared if len(self.grid.get(self._source(name), ())) > 1}
 
     def _source(self, name: str) -> str:
         """The path of the parameter whose value one of its own takes."""

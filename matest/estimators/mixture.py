@@ -41,7 +41,7 @@ class Field:
 
     def __init__(self, problems: Sequence[Problem], tile: Tile, squares: LeastSquares | None = None) -> None:
         self.problems = problems
-        self._grids = [shape_nodes(problem, _NODES) for problem in problems]
+        self._grids = [_grid(problem) for problem in problems]
         self._dictionary = Dictionary([*zip(problems, self._grids, strict=True)])
         self._columns = self._dictionary.columns(tile)
         self._sums = self._weighed(squares or tile.first_guess())
@@ -77,6 +77,16 @@ class Field:
 
     def _weighed(self, squares: LeastSquares) -> Moments:
         return moments(self._columns, squares, squares.response, None)
+
+
+def _grid(problem: Problem) -> dict[str, list[float]]:
+    """The nodes of the shape parameters of a problem.
+
+    What is estimated on request alone (`f0`) stays where it is held otherwise: few samples show more of it.
+    """
+    held = {name: problem.declared(name).held for name in problem.shapes}
+    nodes = shape_nodes(problem, _NODES)
+    return {name: nodes[name] if value is None else [value] for name, value in held.items()}
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,6 +16,7 @@ h1 { font-size: 1.5rem; margin-bottom: 0; } h2 { font-size: 1.1rem; margin-top: 
 .lead { color: var(--soft); margin-top: .2rem; }
 table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
 td:nth-child(2), td:nth-child(3) { white-space: nowrap; } table.words td:nth-child(3) { white-space: normal; }
+table.words td { overflow-wrap: anywhere; min-width: 4em; }
 th, td { text-align: left; padding: .3rem .8rem .3rem 0; border-bottom: 1px solid var(--line); vertical-align: top; }
 th { font-weight: 600; } .warning { border-left: 4px solid #c80; padding-left: .8rem; margin: .4rem 0; }
 .images { display: grid; grid-template-columns: repeat(3, 1fr); gap: .8rem; }

@@ -177,8 +177,13 @@ def comparison_table(comparison: Comparison, notes: Sequence[str] = ()) -> Group
 
 
 def _candidates(estimate: Estimate) -> Table:
-    columns = Column("model", no_wrap=True), Column("error", justify="right"), "verdict"
+    columns = Column("model", no_wrap=True), Column("error", justify="right"), Column("verdict", overflow="fold")
     table = plain_table(*columns, title=CANDIDATES_TITLE)
     for candidate in estimate.candidates:
-        table.add_row(candidate.model, f"{candidate.relative_rmse:.2%}", candidate.reason)
+        table.add_row(_in_lines(candidate.model), f"{candidate.relative_rmse:.2%}", candidate.reason)
     return table
+
+
+def _in_lines(expression: str) -> str:
+    """The expression of a model with one option a line: side by side they would take the width of the table."""
+    return expression.replace("+", "\n+").replace("(", "\n  (").replace(",", ",\n   ")

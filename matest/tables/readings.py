@@ -128,6 +128,11 @@ def quantity(angles: np.ndarray, values: np.ndarray) -> Quantity:
             "pi-f or f-cos."
         )
     albedo = _albedo(angles, mean)
+    if albedo is None:
+        raise InputError(
+            "f and π f fit alike: viewers cover too little of the hemisphere to sum the reflected light; declare "
+            "--quantity f or pi-f."
+        )
     if albedo > _TOO_BRIGHT:
         return "pi-f"
     raise InputError(
@@ -152,16 +157,16 @@ def _asymmetry(angles: np.ndarray, values: np.ndarray) -> float | None:
     return float(np.median(np.abs(a - b)[usable] / (a + b)[usable])) * 2
 
 
-def _albedo(angles: np.ndarray, values: np.ndarray) -> float:
+def _albedo(angles: np.ndarray, values: np.ndarray) -> float | None:
     """The largest share of the light that values f would reflect, over incidences with viewers all around.
 
-    Values are averaged over cells of equal solid angle first: many lie near a highlight. 0: no such incidence.
+    Values are averaged over cells of equal solid angle first: many lie near a highlight. None: no such incidence.
     """
     theta_i, phi_i, theta_r, phi_r = angles.T
     rings, sectors = _CELLS
     ring = (np.cos(theta_r) * rings).astype(int).clip(0, rings - 1)
     sector = ((phi_r - phi_i) % (2 * math.pi) / (2 * math.pi) * sectors).astype(int) % sectors
-    cell, shares = ring * sectors + sector, [0.0]
+    cell, shares = ring * sectors + sector, list[float]()
     for incidence in np.unique(theta_i.round(2)):
         here = theta_i.round(2) == incidence
         counts, sums = (np.bincount(cell[here], weights, rings * sectors) for weights in (None, values[here]))
@@ -170,7 +175,7 @@ def _albedo(angles: np.ndarray, values: np.ndarray) -> float:
             # The mean cosine of each ring.
             cosine = ((np.arange(rings * sectors) // sectors + 0.5) / rings)[seen]
             shares.append(math.pi * float((cosine * sums[seen] / counts[seen]).sum() / cosine.sum()))
-    return max(shares)
+    return max(shares, default=None)
 
 
 def as_reflectance(angles: np.ndarray, values: np.ndarray, quantity: Quantity) -> np.ndarray:

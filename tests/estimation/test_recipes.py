@@ -6,7 +6,7 @@ import pytest
 
 from matest.estimation.options import Options
 from matest.estimation.recipes import RECIPES, Recipe
-from matest.estimation.specification import specify_unknowns
+from matest.estimation.specification import expression_of, specify_unknowns
 from matest.estimators.dictionary import Dictionary
 from matest.estimators.search import shape_nodes
 
@@ -16,6 +16,7 @@ def test_every_recipe_is_a_model_whose_columns_a_dictionary_can_hold(recipe: Rec
     problem = specify_unknowns(recipe.expression, Options(), channels=3, relative=False).problem
     assert Dictionary([(problem, shape_nodes(problem, 2))]).coefficients.shape[1] > 0
     assert recipe.components
+    assert expression_of(problem.brdf, recipe.expression) == recipe.expression
 
 
 def test_no_recipe_is_listed_twice_and_levels_rise() -> None:

@@ -156,5 +156,17 @@ def test_another_slope_distribution_is_tried_on_request() -> None:
     assert not any("ggx" in candidate.model for candidate in unasked.candidates)
 
 
+def test_a_parameter_that_is_freed_leaves_the_search_where_it_is_held() -> None:
+    selection, _ = selected(CookTorrance(0.3, 0.8, 0.2), Options(free=["f0"]))
+    assert name(selection) == "cook-torrance"
+    assert "f0" in selection.best.left_out.problem.free
+
+
+def test_values_that_no_candidate_takes_are_named_with_the_reason() -> None:
+    message = refusal(lambda: selected(Lambert(0.5), Options(fix={"f0": 2.0})))
+    assert "f0" in message
+    assert "2" in message.partition("(")[2]
+
+
 def test_another_choice_of_auto_is_refused() -> None:
     assert "auto(distribution=any)" in refusal(lambda: Options(model="auto(lobes=2)"))
