@@ -19,6 +19,7 @@ from matest.estimation.specification import specify_unknowns
 from matest.estimators import Problem
 from matest.estimators.leave_out import leave_out
 from matest.estimators.mixture import Field, Mixture
+from matest.estimators.one_step import expand_likelihood
 from matest.progress import Progress, silent
 from matest.samples import Batch, Samples, Tile
 from matest.samples.batch import join
@@ -36,6 +37,8 @@ _FIRST_END = 1
 _MIXTURE_FREEDOM = 60.0
 # A model that a grid shows to be this many times worse than the best one on it is not refined.
 _HOPELESS_RATIO = 30.0
+# Models that are this many times worse than the closest one are no contenders.
+_CONTENDER_RATIO = 4.0
 # Fewer images than this: bands of images are left out instead.
 _MIN_IMAGES = 3
 # Horizontal bands of an image, so that one image gives every fit a part to leave out.
@@ -95,6 +98,12 @@ class _Pilot:
     parts: int
     unit: str
 
+    @property
+    def has_clipped(self) -> bool:
+        """Whether the sensor clipped any of the samples."""
+        clipped = self.tile.batch.noise.clipped
+        return clipped is not None and bool(clipped.any())
+
 
 def select(samples: Samples, options: Options, progress: Progress = silent) -> Selection:
     """Fit candidates level by level to a pilot, until one explains what any mixture of their columns does.
@@ -123,6 +132,8 @@ def select(samples: Samples, options: Options, progress: Progress = silent) -> S
                 with torch.no_grad():
                     field = Field([*first.values()], pilot.tile, mixture.squares)
             trials += _compete(recipes, [*first], field, mixture, pilot, progress)
+            if pilot.has_clipped:
+                trials = _about_closest(trials, pilot)
     best, reasons = judge_trials(trials)
     mixture_error = math.sqrt(mixture.cost / max(mixture.values, 1))
     last = max(trial.recipe.level for trial in trials)
@@ -176,6 +187,23 @@ def _compete(
         )
         trials.append(Trial(recipe, left_out, mixture.values, left_out.relative_rmse(pilot.even)))
     return trials
+
+
+def _about_closest(trials: Sequence[Trial], pilot: _Pilot) -> list[Trial]:
+    """The trials with the likelihood expanded about the closest of them, in the place of the mixture.
+
+    What clipped values say bends with the distance from where it is expanded, and the mixture has the nodes alone.
+    """
+    closest = min(trials, key=lambda trial: trial.left_out.cost)
+    problem, unknowns = closest.left_out.problem, closest.left_out.unknowns
+    residual_scale, (tile,) = expand_likelihood(problem, [pilot.tile], unknowns)
+    renewed = []
+    for trial in trials:
+        left_out = trial.left_out
+        if left_out.cost < _CONTENDER_RATIO * closest.left_out.cost:
+            left_out = leave_out(left_out.problem, tile, left_out.unknowns, residual_scale, pilot.parts)
+        renewed.append(replace(trial, left_out=left_out, relative_rmse=left_out.relative_rmse(pilot.even)))
+    return renewed
 
 
 def _is_needed(level: int, trials: Sequence[Trial], mixture: Mixture, options: Options) -> bool:

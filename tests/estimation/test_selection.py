@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 
 import pytest
+import torch
 
+from matest.benchmark.instruments.photographs import Conditions, Sensor, ring, sphere, subject
 from matest.brdf import Brdf, CookTorrance, Lambert, LiTorrance, OrenNayar, TorranceSparrow
 from matest.estimation.estimate import estimate
 from matest.estimation.options import Options
@@ -154,6 +156,15 @@ def test_another_slope_distribution_is_tried_on_request() -> None:
     assert any("ggx" in candidate.model for candidate in asked.candidates)
     unasked, _ = selected(CookTorrance(0.3, 0.8, 0.2))
     assert not any("ggx" in candidate.model for candidate in unasked.candidates)
+
+
+def test_clipped_highlights_do_not_keep_a_model_from_holding() -> None:
+    material = CookTorrance(torch.tensor([0.4, 0.2, 0.1]), torch.tensor([0.8, 0.8, 0.8]), 0.15)
+    sensor = Sensor(conditions=Conditions(saturated=0.1))
+    samples = subject(sphere(96), ring(6), material, sensor, seed=1).photograph().samples()
+    selection = select(samples, Options())
+    assert name(selection) == "cook-torrance"
+    assert selection.best.holds
 
 
 def test_a_parameter_that_is_freed_leaves_the_search_where_it_is_held() -> None:
