@@ -124,7 +124,7 @@ def select(samples: Samples, options: Options, progress: Progress = silent) -> S
             mixture = field.mixture(pilot.tile)
         trials: list[Trial] = []
         for level, group in itertools.groupby(problems, lambda recipe: recipe.level):
-            if not _is_needed(level, trials, mixture, options):
+            if not _is_needed(level, trials, mixture, pilot, options):
                 continue
             recipes = [*group]
             if recipes[0] not in first:
@@ -206,17 +206,23 @@ def _about_closest(trials: Sequence[Trial], pilot: _Pilot) -> list[Trial]:
     return renewed
 
 
-def _is_needed(level: int, trials: Sequence[Trial], mixture: Mixture, options: Options) -> bool:
+def _is_needed(level: int, trials: Sequence[Trial], mixture: Mixture, pilot: _Pilot, options: Options) -> bool:
     """Whether models of a level may be better than those tried."""
-    if level == DISTRIBUTIONS:
-        return options.model == AUTO_ANY_DISTRIBUTION or not any(trial.holds for trial in trials)
-    return level <= _FIRST_END or not any(trial.holds and _explains(trial, mixture) for trial in trials)
+    if level == DISTRIBUTIONS and options.model == AUTO_ANY_DISTRIBUTION:
+        return True
+    if level == DISTRIBUTIONS and any(trial.holds for trial in trials):
+        return False
+    return level <= _FIRST_END or not any(_explains(trial, mixture, pilot) for trial in trials)
 
 
-def _explains(trial: Trial, mixture: Mixture) -> bool:
-    """Whether a model comes as close as the mixture, but for what the freedom of that takes from the noise."""
+def _explains(trial: Trial, mixture: Mixture, pilot: _Pilot) -> bool:
+    """Whether a model comes as close as the mixture, but for what the freedom of that takes from the noise.
+
+    Where values are clipped, what they cost about the mixture is not what they cost about a model: it has to hold.
+    """
     scale = max(mixture.cost / max(mixture.values, 1), 1.0)
-    return trial.left_out.cost - mixture.cost < _MIXTURE_FREEDOM * scale
+    is_close = trial.left_out.cost - mixture.cost < _MIXTURE_FREEDOM * scale
+    return is_close and (trial.holds or not pilot.has_clipped)
 
 
 def _pilot(samples: Samples, seed: int) -> _Pilot:
