@@ -20,6 +20,8 @@ Json = Annotated[bool, typer.Option("--json", help="Print machine-readable JSON 
 Transfer = Annotated[
     str | None, typer.Option(help="How pixels encode light: linear, srgb or a gamma; overrides the capture's.")
 ]
+Model = Annotated[str, typer.Option(help="A model or sum, as 'oren-nayar+torrance-sparrow'; see 'matest models'.")]
+Seed = Annotated[int, typer.Option(help="Of the subsample that the search starts from.")]
 Fix = Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE", help="Hold a parameter at a value.")]
 Free = Annotated[list[str] | None, typer.Option(metavar="NAME", help="Estimate a parameter held by default.")]
 Tie = Annotated[list[str] | None, typer.Option(metavar="NAME=OTHER", help="Give a parameter another's value.")]

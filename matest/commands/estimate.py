@@ -23,9 +23,7 @@ EXAMPLE = "matest estimate renders/vase --model oren-nayar"
 def estimate(
     captures: Annotated[list[Path], typer.Argument(metavar="CAPTURE...", help="Folders with a capture.toml.")],
     out: arguments.Out = None,
-    model: Annotated[
-        str, typer.Option(help="A model or sum, as 'oren-nayar+torrance-sparrow'; see 'matest models'.")
-    ] = "auto",
+    model: arguments.Model = "auto",
     fix: arguments.Fix = None,
     free: arguments.Free = None,
     tie: arguments.Tie = None,
@@ -35,7 +33,7 @@ def estimate(
         typer.Option(metavar="R", help="Stop once every relative standard error is below R.", show_default=False),
     ] = None,
     transfer: arguments.Transfer = None,
-    seed: Annotated[int, typer.Option(help="Of the subsample that the search starts from.")] = 0,
+    seed: arguments.Seed = 0,
     device: Annotated[str, typer.Option(help="Where to compute: cpu, cuda.")] = "cpu",
     pictures: arguments.Pictures = PictureSize.PREVIEW,
     as_json: arguments.Json = False,

@@ -17,9 +17,7 @@ EXAMPLE = "matest fit krylon_blue.brdf --model lambert+cook-torrance -o krylon_b
 def fit(
     table: Annotated[Path, typer.Argument(help="A measured BRDF: MERL .binary, Cornell .brdf, or .csv.")],
     out: arguments.Out = None,
-    model: Annotated[
-        str, typer.Option(help="A model or sum, as 'oren-nayar+torrance-sparrow'; see 'matest models'.")
-    ] = "auto",
+    model: arguments.Model = "auto",
     fix: arguments.Fix = None,
     free: arguments.Free = None,
     tie: arguments.Tie = None,
@@ -38,7 +36,7 @@ def fit(
         str | None, typer.Option(help="Side where phi_r = phi_i in a CSV table: retro (the light's) or forward.")
     ] = None,
     quantity: Annotated[str | None, typer.Option(help="Values of a CSV table: f, pi-f or f-cos.")] = None,
-    seed: Annotated[int, typer.Option(help="Of the subsample that the search starts from.")] = 0,
+    seed: arguments.Seed = 0,
     as_json: arguments.Json = False,
 ) -> None:
     """Fit a model to a measured BRDF, with error bars.

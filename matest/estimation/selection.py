@@ -53,7 +53,7 @@ class Selection:
         best: the smallest candidate that no later one beats.
         trials: in the order of the recipes.
         reasons: why each one was chosen or not.
-        unit: what was left out in turn, "image" or "band".
+        unit: what was left out in turn: "image", "band" (of an image) or, in a table, "incidence".
         mixture_error: of single values, in units of the noise, for a free mixture of the columns of all candidates.
         unfit: expressions of the recipes that could not be tried.
         relative: whether the strength of the lights is unknown, which no metal without diffuse light can take up.
