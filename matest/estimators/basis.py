@@ -98,6 +98,7 @@ class TangentBasis(Basis):
 
     Attributes:
         factors: names multiplying each term.
+        column_factors: names multiplying the term that each column belongs to.
     """
 
     def __init__(self, problem: Problem, unknowns: Tensor, *, derivatives: bool = True) -> None:
@@ -114,6 +115,7 @@ class TangentBasis(Basis):
             (name, k) for name, parts in by_name.items() for k, part in enumerate(parts) if part is not None
         ]
         amplitudes = torch.stack([product(self._values, factors).expand(problem.channels) for factors in self.factors])
+        self.column_factors = [*self.factors, *(self.factors[k] for _, k in self._derivatives)]
         no_radiance = amplitudes.new_zeros(len(self._derivatives), problem.channels)
         self.coefficients = torch.cat([amplitudes, no_radiance]).T
         self.slopes = self.coefficients.new_zeros(*self.coefficients.shape, 0)

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from matest.estimators.blocks import Multiplier
 from matest.estimators.moments import Moments, with_added_cost
 from matest.estimators.statistics import Statistics
-from matest.estimators.unknowns import Multiplier, Problem
+from matest.estimators.unknowns import Problem
 
 
 @dataclass(frozen=True, eq=False)

@@ -106,11 +106,7 @@ def moments(columns: Columns, problem: LeastSquares, residual: Tensor, groups: T
     weighted = values.new_empty(channels, count + 1, samples)
     torch.mul(values, (weight * tint**2)[:, None], out=weighted[:, :-1])
     torch.mul(weight * residual, tint, out=weighted[:, -1])
-    labels, lengths = torch.zeros(1).long(), torch.tensor([samples])
-    if groups is not None:
-        labels, lengths = torch.unique_consecutive(groups.cpu(), return_counts=True)
-    ends = lengths.cumsum(0)
-    parts = [slice(end - length, end) for length, end in zip(lengths.tolist(), ends.tolist(), strict=True)]
+    labels, parts = runs(groups, samples)
     if len(values) == 1:
         # One product of matrices for all channels.
         weighted_of_all, columns_of_all = weighted.flatten(0, 1), values[0]
@@ -119,12 +115,27 @@ def moments(columns: Columns, problem: LeastSquares, residual: Tensor, groups: T
     else:
         products = torch.stack([weighted[..., part] @ values[..., part].mT for part in parts])
     products = products.double().cpu()
+    return Moments(labels, products[:, :, :-1], products[:, :, -1], score_sums(problem, weight, residual, parts))
+
+
+def runs(groups: Tensor | None, samples: int) -> tuple[Tensor, list[slice]]:
+    """The labels of the groups of some samples in their order [B], and the samples of each; None: a single group 0."""
+    if groups is None:
+        return torch.zeros(1).long(), [slice(0, samples)]
+    labels, lengths = torch.unique_consecutive(groups.cpu(), return_counts=True)
+    ends = lengths.cumsum(0)
+    return labels, [slice(end - length, end) for length, end in zip(lengths.tolist(), ends.tolist(), strict=True)]
+
+
+def score_sums(problem: LeastSquares, weight: Tensor, residual: Tensor, parts: Sequence[slice]) -> Tensor:
+    """The scores [B, S] of groups, from weights and residuals [C, n] and the samples of each group."""
     rows = _score_rows(problem, weight, residual)
     sums = torch.stack([rows[:, part].sum(-1, dtype=torch.float64) for part in parts]).cpu()
-    totals = torch.cat([sums, lengths[:, None].double()], dim=1)
+    lengths = torch.tensor([[part.stop - part.start] for part in parts], dtype=torch.float64)
+    totals = torch.cat([sums, lengths], dim=1)
     # A merged sample counts shares of pixels, which add up to whole pixels but for rounding.
     totals[:, _COUNTS] = totals[:, _COUNTS].round()
-    return Moments(labels, products[:, :, :-1], products[:, :, -1], totals)
+    return totals
 
 
 def _score_rows(problem: LeastSquares, weight: Tensor, residual: Tensor) -> Tensor:

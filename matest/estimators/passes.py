@@ -9,13 +9,15 @@ import torch
 from torch import Tensor
 
 from matest.estimators.basis import Basis, SeparatedBasis, TangentBasis, coefficients
+from matest.estimators.calibrated import CalibratedModel, accumulate_calibrated
 from matest.estimators.column_statistics import ColumnStatistics
 from matest.estimators.columns import Columns
 from matest.estimators.moments import Moments, empty_moments, moments, sum_moments
 from matest.estimators.statistics import Statistics
+from matest.estimators.tile_sums import Expanded, over_tiles
 from matest.estimators.unknowns import Problem
 from matest.samples import Batch, Tile, Tiles
-from matest.workers import in_groups
+from matest.samples.likelihood import LeastSquares
 
 # Statistics at any unknowns.
 Evaluate = Callable[[Tensor], Statistics]
@@ -37,6 +39,8 @@ def accumulate(
             about the measured radiance, for a first guess.
         residual_scale: see `likelihood.about`.
     """
+    if problem.nuisances:
+        return accumulate_calibrated(problem, unknowns, tiles, reference, residual_scale)
     here = TangentBasis(problem, unknowns)
     same = reference is not None and torch.equal(reference, unknowns)
     there = None if reference is None or same else TangentBasis(problem, reference, derivatives=False)
@@ -102,6 +106,9 @@ def passes_over(
 
 def radiance_model(problem: Problem, unknowns: Tensor) -> Callable[[Tile], Tensor]:
     """The function that gives the radiance [n, C] of a tile at u [P]."""
+    if problem.nuisances:
+        calibrated = CalibratedModel(problem, unknowns)
+        return lambda tile: calibrated.radiance(tile.batch)
     basis: Basis
     if problem.separates:
         basis = SeparatedBasis(problem, unknowns)
@@ -123,22 +130,15 @@ def _sum_columns(
         residual_scale: see `likelihood.about`.
     """
 
-    def sum_tile(get: Callable[[], Tile]) -> list[Moments]:
-        with torch.no_grad():
-            parts, tile = [], get()
-            if not len(tile):
-                return []
-            columns, radiance, reference = expand(tile)
-            if tile.merged is not None and reference is not None:
-                tile, finer = tile.merged.judge(tile, reference, residual_scale)
-                if finer is not None:
-                    parts = sum_tile(lambda: finer)
-            problem = tile.least_squares
-            if problem is None:
-                problem = tile.first_guess() if reference is None else tile.about(reference, residual_scale)
-            return [*parts, moments(columns, problem, problem.response - radiance, tile.batch.groups)]
+    def sums(tile: Tile) -> Expanded[Moments]:
+        columns, radiance, reference = expand(tile)
 
-    total = sum_moments([empty_moments(*basis.coefficients.shape), *in_groups(sum_tile, tiles)])
+        def moments_of(tile: Tile, problem: LeastSquares) -> Moments:
+            return moments(columns, problem, problem.response - radiance, tile.batch.groups)
+
+        return Expanded(reference, moments_of)
+
+    total = sum_moments([empty_moments(*basis.coefficients.shape), *over_tiles(tiles, sums, residual_scale)])
     return ColumnStatistics(basis.coefficients, basis.multiplier, total)
 
 

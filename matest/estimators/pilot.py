@@ -14,8 +14,8 @@ from matest.estimators.passes import passes_over
 from matest.estimators.plausibility import (
     EQUAL_CHI2,
     count_at_ends,
-    distance,
     implausibility,
+    length_of,
     most_plausible,
     separation,
 )
@@ -90,24 +90,27 @@ def _descend(problem: Problem, start: Tensor, reference: Tensor, tiles: list[Til
 def _optima(starts: Sequence[Solution], tiles: list[Tile]) -> list[Solution]:
     """The distinct optima of the likelihood that starts lead to."""
     optima: list[Solution] = []
-    for solution in starts:
-        move = 1.0
-        for _ in range(_MAX_EXPANSIONS):
-            # The next expansion moves the optimum too: no use in knowing this one much better than that.
-            tolerance = min(max(_TOLERANCE_SHARE * move, _MIN_TOLERANCE), _MAX_TOLERANCE)
-            before, solution = (
-                solution,
-                _descend(solution.problem, solution.unknowns, solution.unknowns, tiles, tolerance),
-            )
-            move = distance(solution, before)
-            if move < _LAST_MOVE or _is_among(optima, solution):
-                break
+    for start in starts:
+        solution = follow(start.problem, start.unknowns, tiles, optima)
         if not _is_among(optima, solution):
             optima.append(solution)
     return optima
 
 
-def _is_among(optima: list[Solution], solution: Solution) -> bool:
+def follow(problem: Problem, start: Tensor, tiles: list[Tile], optima: Sequence[Solution] = ()) -> Solution:
+    """The optimum of the likelihood that a start u [P] leads to, or a solution near one of the `optima`."""
+    unknowns, move = start, 1.0
+    for _ in range(_MAX_EXPANSIONS):
+        # The next expansion moves the optimum too: no use in knowing this one much better than that.
+        tolerance = min(max(_TOLERANCE_SHARE * move, _MIN_TOLERANCE), _MAX_TOLERANCE)
+        solution = _descend(problem, unknowns, unknowns, tiles, tolerance)
+        move, unknowns = length_of(solution.unknowns - unknowns, solution), solution.unknowns
+        if move < _LAST_MOVE or _is_among(optima, solution):
+            break
+    return solution
+
+
+def _is_among(optima: Sequence[Solution], solution: Solution) -> bool:
     """Whether a solution is near one of the optima, and that one is at no more ends of domains."""
     return any(
         separation(optimum, solution) < _SAME_OPTIMUM_DISTANCE and count_at_ends(optimum) <= count_at_ends(solution)

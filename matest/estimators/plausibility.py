@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import torch
+from torch import Tensor
 
 from matest.estimators.levenberg_marquardt import Solution
 from matest.samples.likelihood import REJECTED
@@ -16,10 +17,13 @@ _END_MARGIN = 1e-4
 
 def distance(solution: Solution, other: Solution) -> float:
     """The distance between two solutions of a problem, in standard errors of the first."""
-    change = other.unknowns - solution.unknowns
-    return (
-        float((change @ solution.statistics.information @ change / solution.statistics.inflation).clamp(min=0)) ** 0.5
-    )
+    return length_of(other.unknowns - solution.unknowns, solution)
+
+
+def length_of(change: Tensor, solution: Solution) -> float:
+    """The length of a change of u [P] in standard errors of a solution, jointly."""
+    statistics = solution.statistics
+    return float((change @ statistics.information @ change / statistics.inflation).clamp(min=0)) ** 0.5
 
 
 def separation(one: Solution, other: Solution) -> float:

@@ -6,82 +6,24 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal, NamedTuple
 
 import torch
 from torch import Tensor
 
 from matest.brdf import Brdf
 from matest.brdf.terms import Factor
+from matest.estimators.blocks import Block, Kind, Multiplier, nuisance
 from matest.estimators.statistics import PriorTerms
-from matest.parameters import Derived, Domain, Parameter, Role, non_negative
-from matest.samples.groups import GroupAxis, Groups
-
-# How many unknowns a block has: one, one per channel, or one per image, light or group of samples.
-Axis = Literal["one", "channel"] | GroupAxis
-# How a block enters the model: a parameter of it; the reciprocal of the unknown common scale of the lights, which the
-# gauge parameters of the model take; a multiplier of the radiance of each image, light or group of samples.
-Kind = Literal["parameter", "light_scale", "multiplier"]
-
-
-@dataclass(frozen=True)
-class Block:
-    """Unknowns that belong together.
-
-    Attributes:
-        name: of the parameter (in a sum: its path), or of what is calibrated.
-        domain: of each unknown.
-        axis: what there is one unknown for.
-        kind: how it enters the model.
-        start: where it starts, and the mean of its prior.
-        prior: standard deviation of a Gaussian prior about `start`; None: flat.
-
-    Raises:
-        ValueError: a multiplier is not for each image, light or group, or something else is.
-    """
-
-    name: str
-    domain: Domain
-    axis: Axis = "one"
-    kind: Kind = "parameter"
-    start: float = 0.5
-    prior: float | None = None
-
-    def __post_init__(self) -> None:
-        if (self.kind == "multiplier") is (self.axis in ("one", "channel")):
-            raise ValueError(f"{self.name}: a {self.kind} cannot have the axis {self.axis}.")
-
-
-def multipliers(name: str, axis: GroupAxis, prior: float | None) -> Block:
-    """Multiples of the stated radiance; held at 1 where they are no block of a problem.
-
-    The exposures of images, the powers of lights that light one image each or several, the albedo of groups.
-
-    Args:
-        name: of what is multiplied.
-        axis: what there is one unknown for.
-        prior: standard deviation.
-    """
-    return Block(name, non_negative, axis, "multiplier", start=1.0, prior=prior)
-
-
-class Multiplier(NamedTuple):
-    """What multiplies the radiance of the samples of each group.
-
-    Attributes:
-        value: [G].
-        slopes: its derivatives by the M unknowns that a group touches [G, M].
-    """
-
-    value: Tensor
-    slopes: Tensor
+from matest.parameters import Derived, Domain, Parameter, Role
+from matest.samples.calibration import Calibration, Family
+from matest.samples.groups import Groups
 
 
 @dataclass(frozen=True)
 class Problem:
     """A model of C channels with blocks of unknowns laid out in one vector u [P].
 
-    Multipliers come last: a sample touches all others, but of these only those of its own image, light or group.
+    Multipliers and nuisances come last: a sample touches all others, but of these only some, as its group says.
 
     Attributes:
         brdf: the model; its own values serve for nothing but their names.
@@ -93,6 +35,7 @@ class Problem:
         arbitrary: held parameters that only set a scale: only quantities derived from them and others have an effect.
         pinned: values that single unknowns are held at, by their position in u.
         groups: of the samples; multipliers need them.
+        calibration: what its errors do to samples; nuisances need it, each of which is a family of it.
     """
 
     brdf: Brdf
@@ -104,6 +47,7 @@ class Problem:
     arbitrary: tuple[str, ...] = ()
     pinned: Mapping[int, float] = field(default_factory=dict)
     groups: Groups = field(default_factory=Groups.single)
+    calibration: Calibration | None = None
 
     @classmethod
     def of(
@@ -134,12 +78,48 @@ class Problem:
     @cached_property
     def free(self) -> tuple[str, ...]:
         """Names of the estimated parameters of the model, in order."""
-        return tuple(block.name for block in self.blocks if block.kind != "multiplier")
+        return tuple(block.name for block in self._common)
+
+    @cached_property
+    def _common(self) -> tuple[Block, ...]:
+        """The blocks that all samples touch."""
+        return tuple(block for block in self.blocks if block.kind in ("parameter", "light_scale"))
 
     @cached_property
     def multipliers(self) -> tuple[Block, ...]:
         """The blocks that multiply the radiance."""
         return tuple(block for block in self.blocks if block.kind == "multiplier")
+
+    @cached_property
+    def spreads(self) -> dict[str, float]:
+        """Standard deviation of each error of the calibration, by the name of its block."""
+        return {block.name: block.prior for block in self.nuisances if block.prior is not None}
+
+    @cached_property
+    def nuisances(self) -> tuple[Block, ...]:
+        """The blocks of errors of the calibration."""
+        return tuple(block for block in self.blocks if block.kind == "nuisance")
+
+    def calibrated(self, calibration: Calibration, priors: Mapping[str, float], groups: Groups) -> Problem:
+        """The same problem with the errors of a calibration among the unknowns.
+
+        Args:
+            calibration: what its errors do to the samples.
+            priors: standard deviation of the errors of each family, by name.
+            groups: of the samples.
+
+        Raises:
+            ValueError: there are multipliers too: errors of a calibration have families for what these stand for.
+        """
+        if self.multipliers:
+            raise ValueError("multipliers and errors of a calibration cannot be estimated together.")
+        blocks = (nuisance(family, priors[family.name]) for family in calibration.families)
+        return replace(self, blocks=(*self._common, *blocks), calibration=calibration, groups=groups)
+
+    def with_priors(self, priors: Mapping[str, float]) -> Problem:
+        """The same problem with other standard deviations of some blocks, by name."""
+        blocks = (replace(block, prior=priors.get(block.name, block.prior)) for block in self.blocks)
+        return replace(self, blocks=tuple(blocks))
 
     def freed(self, names: Sequence[str]) -> Problem:
         """The same problem with some of the held parameters estimated."""
@@ -150,7 +130,8 @@ class Problem:
         )
         by_name = {block.name: block for block in self.blocks}
         blocks = tuple(by_name.get(block.name, block) for block in problem.blocks)
-        return replace(problem, blocks=(*blocks, *self.multipliers), groups=self.groups)
+        rest = (*self.multipliers, *self.nuisances)
+        return replace(problem, blocks=(*blocks, *rest), groups=self.groups, calibration=self.calibration)
 
     @cached_property
     def amplitudes(self) -> tuple[str, ...]:
@@ -174,7 +155,9 @@ class Problem:
 
     @cached_property
     def separates(self) -> bool:
-        """Whether no column of the model depends on a parameter that is estimated."""
+        """Whether no column of the model depends on an unknown that is estimated."""
+        if self.nuisances:
+            return False
         terms = self.brdf.structure.terms
         sources = {self.ties.get(name, name) for term in terms for name in term.column_parameters}
         # A held one with a value per channel makes columns of one per channel.
@@ -185,7 +168,15 @@ class Problem:
         if name in self.brdf.declared:
             return self.brdf.declared[name]
         block = next(block for block in self.blocks if block.name == name)
+        if block.kind == "nuisance":
+            family = self.family(name)
+            return Parameter(block.domain, unit=family.unit, doc=family.doc)
         return Parameter(block.domain, unit="1", doc=f"{name}, relative to what is stated")
+
+    def family(self, name: str) -> Family:
+        """The family of errors of the calibration of that name."""
+        assert self.calibration is not None
+        return next(family for family in self.calibration.families if family.name == name)
 
     def domain(self, name: str) -> Domain:
         """Of a free or a held parameter."""
@@ -234,6 +225,8 @@ class Problem:
     def _length(self, block: Block) -> int:
         if block.axis == "one":
             return 1
+        if block.axis == "family":
+            return self.family(block.name).count
         return self.channels if block.axis == "channel" else self.groups.count(block.axis)
 
     @cached_property
@@ -282,7 +275,7 @@ class Problem:
     @cached_property
     def selectors(self) -> Tensor:
         """0/1 matrices [C, Q, S]: which of the S unknowns common to all samples is each of the Q parameters."""
-        shared = sum(self._length(block) for block in self.blocks if block.kind != "multiplier")
+        shared = sum(self._length(block) for block in self._common)
         out = torch.zeros(self.channels, len(self.free), shared, dtype=torch.float64)
         for row, name in enumerate(self.free):
             place = self.where[name]
@@ -292,17 +285,24 @@ class Problem:
 
     @cached_property
     def places(self) -> Tensor:
-        """Positions in u of the unknowns that samples of each group touch: common ones and their multipliers [G, Q]."""
+        """Positions in u of the unknowns that samples of each group touch: common ones and their own [G, Q]."""
         shared = torch.arange(self.selectors.shape[-1]).expand(len(self.groups.image), -1)
-        return torch.cat([shared, self._multiplier_places], dim=1)
+        own = self.nuisance_places if self.nuisances else self._multiplier_places
+        return torch.cat([shared, own], dim=1)
+
+    @cached_property
+    def nuisance_places(self) -> Tensor:
+        """Positions in u of the errors of the calibration that samples of each group touch [G, Σq]."""
+        places = [self.where[block.name].start + self.family(block.name).places for block in self.nuisances]
+        return torch.cat(places, dim=1)
 
     @cached_property
     def _multiplier_places(self) -> Tensor:
         """Positions in u of the M multipliers of each group [G, M]."""
         places = [
             self.where[block.name].start + self.groups.along(block.axis)
-            for block in self.blocks
-            if block.axis != "one" and block.axis != "channel"
+            for block in self.multipliers
+            if block.axis != "one" and block.axis != "channel" and block.axis != "family"
         ]
         return torch.stack(places, dim=1)
 

@@ -74,14 +74,22 @@ def _by_delta_method(expansion: Expansion, bars: ErrorBars, value: float, relati
 
 def reported_labels(problem: Problem) -> list[str]:
     """A name for every row of `reported_correlation`."""
-    return [reported_name(problem, label) for label in problem.labels]
+    return [reported_name(problem, label) for label in _labels(problem)]
+
+
+def _labels(problem: Problem) -> list[str]:
+    """Names of the unknowns that are no errors of the calibration."""
+    errors = sum(problem.family(block.name).count for block in problem.nuisances)
+    return problem.labels[: len(problem.labels) - errors]
 
 
 def reported_correlation(expansion: Expansion, bars: ErrorBars) -> list[list[float]]:
     """Correlation of the estimates; a derived quantity takes the row of the parameter that only shows in it."""
-    signs = [_direction(expansion.problem, label, expansion.values) for label in expansion.problem.labels]
-    sign = torch.tensor(signs)
-    return (bars.covariance.correlation * sign[:, None] * sign[None, :]).tolist()
+    sign = torch.tensor(
+        [_direction(expansion.problem, label, expansion.values) for label in _labels(expansion.problem)]
+    )
+    correlation = bars.covariance.correlation[: len(sign), : len(sign)]
+    return (correlation * sign[:, None] * sign[None, :]).tolist()
 
 
 def _direction(problem: Problem, name: str, values: Mapping[str, Tensor]) -> float:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import torch
@@ -12,6 +12,7 @@ from torch import Tensor
 
 from matest.estimators import Solution, Statistics, at_bound, bounded_step
 from matest.estimators.covariance import Covariance, correlation_of_residuals, fisher, jackknife
+from matest.inference.budget import Budget
 from matest.inference.expansion import Expansion
 from matest.samples import Samples
 
@@ -44,6 +45,7 @@ class ErrorBars:
         correlation: of residuals over groups of samples; 1: they are independent.
         holds: whether the model describes the samples to their noise.
         kind: "fisher", "jackknife over images" or "jackknife over blocks".
+        shares: standard errors [P] that the stated errors of each family of the calibration are part of, by name.
     """
 
     covariance: Covariance
@@ -54,6 +56,7 @@ class ErrorBars:
     correlation: float
     holds: bool
     kind: str
+    shares: Mapping[str, Tensor] = field(default_factory=dict)
 
     @property
     def largest_widening(self) -> float:
@@ -68,8 +71,10 @@ class ErrorBars:
         return f"residuals are {math.sqrt(self.chi2):.3g} times as large"
 
 
-def error_bars(solution: Solution, samples: Samples, likelihood: bool = True) -> ErrorBars:
-    """The error bars of a solution; `likelihood` as in `judge`."""
+def error_bars(
+    solution: Solution, samples: Samples, likelihood: bool = True, budget: Budget | None = None
+) -> ErrorBars:
+    """The error bars of a solution; `likelihood` and `budget` as in `judge`."""
     problem, statistics, expansion = solution.problem, solution.statistics, Expansion.of(solution)
     push = expansion.gradient.abs() / expansion.information.diagonal().clamp(min=1e-300).sqrt()
     # Along a valley that ends at a bound the samples determine nothing: they do not push outward there.
@@ -90,7 +95,31 @@ def error_bars(solution: Solution, samples: Samples, likelihood: bool = True) ->
         covariance = _jackknife(expansion, clusters, free, inside=True)
         unbounded = _jackknife(expansion, clusters, torch.ones_like(bound), inside=False)
         widening = _widening(expansion, clusters, unbounded)
-    return ErrorBars(covariance, unbounded, bound, widening, chi2, correlation, holds, kind)
+    bars = ErrorBars(covariance, unbounded, bound, widening, chi2, correlation, holds, kind)
+    return bars if budget is None else _with_calibration(bars, budget, free)
+
+
+def _with_calibration(bars: ErrorBars, budget: Budget, free: Tensor) -> ErrorBars:
+    """Error bars with what errors of the calibration add, where some unknowns [P] are not held at a bound."""
+    parts, of_all = budget.covariances(free), budget.covariances(torch.ones_like(free))
+    covariance, unbounded = _plus(bars.covariance, parts.values()), _plus(bars.open, of_all.values())
+    growth = (unbounded.std / bars.open.std).nan_to_num(1.0, posinf=1.0)
+    return replace(
+        bars,
+        covariance=covariance,
+        open=unbounded,
+        widening=bars.widening * growth,
+        shares={name: part.diagonal().sqrt() for name, part in parts.items()},
+    )
+
+
+def _plus(covariance: Covariance, parts: Iterable[Tensor]) -> Covariance:
+    """A covariance with further ones [P, P] of the unknowns that have an error bar."""
+    determined = (covariance.matrix.diagonal() > 0).to(covariance.matrix)
+    matrix = covariance.matrix
+    for part in parts:
+        matrix = matrix + part * determined[:, None] * determined
+    return replace(covariance, matrix=matrix)
 
 
 def _max_chi2(statistics: Statistics, samples: Samples) -> float:

@@ -6,7 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
+import torch
+
 from matest.estimators import Problem, Solution
+from matest.estimators.covariance import quantile95
+from matest.inference.budget import Budget
 from matest.inference.derived import reported_correlation, reported_labels, reported_name, with_derived
 from matest.inference.error_bars import ErrorBars, error_bars, expected_error_bars
 from matest.inference.expansion import Expansion
@@ -34,7 +38,7 @@ class Posterior:
         labels: names of the rows of `correlation`.
         correlation: of the estimates, [P][P].
         seen_together: reported names of parameters of which the samples see only combinations.
-        nuisance: estimates of the blocks of the calibration, one number an image, light or group.
+        nuisance: estimates of the blocks of the calibration, one number an image, light, group or error of a family.
     """
 
     problem: Problem
@@ -55,20 +59,21 @@ class Posterior:
 
 
 @single_threaded_torch()
-def judge(solution: Solution, samples: Samples, *, likelihood: bool = True) -> Posterior:
+def judge(solution: Solution, samples: Samples, *, likelihood: bool = True, budget: Budget | None = None) -> Posterior:
     """What samples say of the unknowns of their solution.
 
     Args:
         solution: of the fit.
         samples: that were fitted.
         likelihood: whether the fit maximised one; after another cost error bars come from leaving out groups.
+        budget: how the solution moves with errors of the calibration; None: there are none.
     """
 
     @cache
     def around() -> Surroundings:
         return surroundings(solution.problem, solution.unknowns, solution.tiles, solution.residual_scale)
 
-    expansion, bars = Expansion.of(solution), error_bars(solution, samples, likelihood)
+    expansion, bars = Expansion.of(solution), error_bars(solution, samples, likelihood, budget)
     lobes = lobes_not_seen(expansion, bars)
     valleys = valleys_about(solution, bars, lobes, around)
     first_order = verdicts_on(expansion, bars, lobes, valleys, Intervals())
@@ -105,7 +110,7 @@ def _posterior(
         labels=reported_labels(expansion.problem),
         correlation=reported_correlation(expansion, bars),
         seen_together=_seen_together(expansion, bars, valleys, intervals),
-        nuisance=_nuisance(expansion.problem, verdicts),
+        nuisance=_nuisance(expansion, bars, verdicts),
     )
 
 
@@ -123,10 +128,24 @@ def _estimates(expansion: Expansion, verdicts: Sequence[Verdict]) -> dict[str, P
     return out
 
 
-def _nuisance(problem: Problem, verdicts: Sequence[Verdict]) -> dict[str, ParameterEstimate]:
+def _nuisance(expansion: Expansion, bars: ErrorBars, verdicts: Sequence[Verdict]) -> dict[str, ParameterEstimate]:
     """Every block that is no parameter of the model."""
-    declared = {name: problem.declared(name) for name in problem.where if name not in problem.brdf.declared}
-    return {name: combined(verdicts[problem.where[name]], block.unit, block.doc) for name, block in declared.items()}
+    problem = expansion.problem
+    multipliers = {block.name: problem.declared(block.name) for block in problem.multipliers}
+    estimates = {name: combined(verdicts[problem.where[name]], d.unit, d.doc) for name, d in multipliers.items()}
+    reach = quantile95(bars.covariance.degrees)
+    for block in problem.nuisances:
+        place, family = problem.where[block.name], problem.family(block.name)
+        values, stds = expansion.unknowns[place], bars.open.std[place]
+        estimates[block.name] = ParameterEstimate(
+            values.tolist(),
+            stds.tolist(),
+            torch.stack([values - reach * stds, values + reach * stds], dim=1).tolist(),
+            family.unit,
+            "determined",
+            family.doc,
+        )
+    return estimates
 
 
 def _seen_together(expansion: Expansion, bars: ErrorBars, valleys: Valleys, intervals: Intervals) -> frozenset[str]:

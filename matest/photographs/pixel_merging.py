@@ -249,6 +249,7 @@ class PixelMerger:
             points=pixels.points(image, index),
             radiance=_joined([part for tier in tiers for part in tier.radiance()], radiance),
             noise=MeasurementNoise(pixels.readout(image, index), pixels.limits(image, index), clipped),
+            pixels=torch.from_numpy(index.astype(np.int64)),
             groups=torch.cat([*labels, pixels.labels(position, single)]),
         )
         counts = [part.to(radiance) for tier in tiers for part in tier.pixel_counts()]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -13,6 +13,7 @@ from torch import Tensor
 from matest.parameters import Role
 from matest.photographs.averaging import slope_variance
 from matest.photographs.noise import Noise, quantisation
+from matest.photographs.nuisances import PhotographCalibration
 from matest.photographs.photometry import Encoding
 from matest.photographs.pilot import pilot
 from matest.photographs.pixels import BLOCKS, LitPixels
@@ -57,6 +58,10 @@ class PhotographSamples(LitPixels):
         """Whether every photograph has one light, and no light of the sky."""
         scene = self.photographs.scene
         return not bool((scene.ambient > 0).any()) and all(len(lights) == 1 for lights in scene.lights)
+
+    def calibration(self, names: Sequence[str]) -> PhotographCalibration:
+        """The errors of the calibration of these kinds (`NUISANCES`), and what they do to the samples."""
+        return PhotographCalibration(self, self.groups, names)
 
     def optics(self, quantity: Role) -> Tensor | None:
         return self.photographs.scene.optics(quantity)

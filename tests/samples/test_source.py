@@ -14,7 +14,7 @@ from torch import Tensor
 import matest
 from matest.brdf import Brdf, CookTorrance, OrenNayar
 from matest.estimators import Problem, Solution, fit
-from matest.estimators.unknowns import Block, multipliers
+from matest.estimators.blocks import Block, multipliers
 from matest.inference.posterior import judge
 from matest.parameters import unit_interval
 from matest.samples import Samples

@@ -1,0 +1,339 @@
+"""Errors of the calibration of photographs: one class a kind, with what it does to the world of some samples."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import replace
+from typing import Protocol
+from weakref import WeakKeyDictionary
+
+import torch
+from torch import Tensor
+from torch.nn.functional import normalize
+
+from matest.errors import InputError
+from matest.photographs.pixels import LitPixels
+from matest.photographs.world import TERMS, World, Worlds
+from matest.samples.batch import Batch
+from matest.samples.calibration import Displaced, Family
+from matest.samples.groups import Groups
+
+
+class Nuisance(Protocol):
+    """One kind of error."""
+
+    def family(self, worlds: Worlds, groups: Groups) -> Family:
+        """Its unknowns."""
+
+    def act(self, world: World, values: Tensor, worlds: Worlds) -> None:
+        """Change the world of samples by errors of these values [n, q], differentiably."""
+
+
+def _common(groups: Groups, count: int) -> Tensor:
+    """Places of unknowns that all samples depend on [G, count]."""
+    return torch.arange(count).expand(len(groups.image), -1)
+
+
+class Direction:
+    """Each light's direction, along two directions across it."""
+
+    def family(self, worlds: Worlds, groups: Groups) -> Family:
+        lights = _light_numbers(worlds)[groups.image]
+        places = torch.stack([2 * lights, 2 * lights + 1], dim=-1).flatten(1)
+        return Family(
+            "direction", "rad", "tilt of the direction of each light, about two axes", int(places.max()) + 1, places
+        )
+
+    def act(self, world: World, values: Tensor, worlds: Worlds) -> None:
+        first, second = _across(world.toward)
+        angles = values.unflatten(1, (worlds.slots, 2))
+        world.toward = world.toward + angles[..., :1] * first + angles[..., 1:] * second
+
+
+class Rotation:
+    """All lights together, about the world's three axes."""
+
+    def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
+        return Family("rotation", "rad", "rotation of all lights about x, y and z", 3, _common(groups, 3))
+
+    def act(self, world: World, values: Tensor, worlds: Worlds) -> None:  # noqa: ARG002
+        world.toward = world.toward + torch.linalg.cross(values[:, None].expand_as(world.toward), world.toward)
+
+
+class Intensity:
+    """The power of each light."""
+
+    def family(self, worlds: Worlds, groups: Groups) -> Family:
+        places = _light_numbers(worlds)[groups.image]
+        return Family(
+            "intensity", "1", "power of each light, relative to what is stated", int(places.max()) + 1, places
+        )
+
+    def act(self, world: World, values: Tensor, worlds: Worlds) -> None:  # noqa: ARG002
+        world.irradiance = world.irradiance * (1 + values)[..., None]
+
+
+class Exposure:
+    """The exposure of each image."""
+
+    def family(self, worlds: Worlds, groups: Groups) -> Family:
+        places = groups.image[:, None]
+        return Family("exposure", "1", "exposure of each image, relative to what is stated", len(worlds.images), places)
+
+    def act(self, world: World, values: Tensor, worlds: Worlds) -> None:  # noqa: ARG002
+        world.scale_light(1 + values)
+
+
+class Scale:
+    """The strength of all lights together."""
+
+    def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
+        return Family("scale", "1", "strength of all lights, relative to what is stated", 1, _common(groups, 1))
+
+    def act(self, world: World, values: Tensor, worlds: Worlds) -> None:  # noqa: ARG002
+        world.scale_light(1 + values)
+
+
+class Ambient:
+    """Even light from the whole sky in every image, relative to the key light's irradiance."""
+
+    def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
+        doc = "irradiance of an even sky beyond what is stated, relative to that of the key light"
+        return Family("ambient", "1", doc, 1, _common(groups, 1))
+
+    def act(self, world: World, values: Tensor, worlds: Worlds) -> None:
+        sky = values * (key_light(worlds) / math.pi).to(values)
+        seen = _unoccluded(worlds)
+        if seen is not None:
+            sky = sky * seen[world.places.pixels].to(values)[:, None]
+        world.ambient = sky if world.ambient is None else world.ambient + sky
+
+
+class Black:
+    """The black level of each channel, a fraction of full scale."""
+
+    def family(self, worlds: Worlds, groups: Groups) -> Family:
+        channels = worlds.photographs.channels
+        doc = "black level of each channel beyond what is stated, as a fraction of full scale"
+        return Family("black", "1", doc, channels, _common(groups, channels))
+
+    def act(self, world: World, values: Tensor, worlds: Worlds) -> None:  # noqa: ARG002
+        world.offset = values * world.places.white
+
+
+class Vignetting:
+    """Loss of light toward the image's corners, with the square of the distance from its middle."""
+
+    def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
+        return Family("vignetting", "1", "share of the light that is lost at the image's corner", 1, _common(groups, 1))
+
+    def act(self, world: World, values: Tensor, worlds: Worlds) -> None:
+        middle = torch.tensor([worlds.grid.width, worlds.grid.height], dtype=torch.float64) / 2
+        distance = (world.places.coordinates - middle.to(values)) / float(middle.norm())
+        world.scale_light(1 - values * distance.square().sum(1, keepdim=True))
+
+
+class Transfer:
+    """The exponent from stored to linear values."""
+
+    def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
+        return Family("transfer", "1", "exponent of the transfer, relative to what is stated", 1, _common(groups, 1))
+
+    def act(self, world: World, values: Tensor, worlds: Worlds) -> None:  # noqa: ARG002
+        # Decoded by an exponent too large by (1 + t), radiance is the true one to that power.
+        world.power = values
+
+
+class Shift:
+    """The object's place in the image."""
+
+    def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
+        return Family("shift", "px", "shift of the object in the images, right and down", 2, _common(groups, 2))
+
+    def act(self, world: World, values: Tensor, worlds: Worlds) -> None:  # noqa: ARG002
+        world.normals = world.normals - (world.places.normal_slopes * values[:, None]).sum(-1)
+
+
+class Radius:
+    """The size of the object's outline."""
+
+    def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
+        return Family("radius", "px", "radius of the object's outline beyond what is stated", 1, _common(groups, 1))
+
+    def act(self, world: World, values: Tensor, worlds: Worlds) -> None:
+        low, high = worlds.grid.box
+        offset = world.places.coordinates - ((low + high) / 2).to(values)
+        growth = (world.places.normal_slopes * offset[:, None]).sum(-1) / (float((high - low).max()) / 2)
+        world.normals = world.normals - values * growth
+
+
+class Tilt:
+    """The object's turn about the world's three axes, through the middle of what is seen."""
+
+    def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
+        return Family("tilt", "rad", "turn of the object about x, y and z", 3, _common(groups, 3))
+
+    def act(self, world: World, values: Tensor, worlds: Worlds) -> None:
+        surface, grid = worlds.scene.surface, worlds.grid
+        turned = torch.linalg.cross(values, world.normals)
+        if surface.positions is not None:
+            pixels = world.places.pixels
+            middle = surface.positions.mean(0)
+            moved = torch.linalg.cross(values.double(), surface.positions[pixels].double() - middle)
+            # A point that moves by m is seen v pixels further: m = v · (slopes of the positions) + a move along sight.
+            frame = torch.cat([grid.slopes(surface.positions, pixels).double(), world.view.double()[..., None]], dim=-1)
+            steps = torch.linalg.solve(frame, moved[..., None])[:, :2, 0]
+            turned = turned - (world.places.normal_slopes * steps[:, None].to(values)).sum(-1)
+        world.normals = world.normals + turned
+
+
+class Normals:
+    """A smooth field of errors of the normals: two angles, polynomials over the object."""
+
+    def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
+        count = 2 * TERMS
+        doc = "coefficients of smooth errors of the normals, along two directions across them"
+        return Family("normals", "rad", doc, count, _common(groups, count), spread=TERMS**-0.5)
+
+    def act(self, world: World, values: Tensor, worlds: Worlds) -> None:  # noqa: ARG002
+        basis = world.places.polynomials
+        first, second = _across(world.normals)
+        along = (values.unflatten(1, (2, -1)) * basis[:, None]).sum(-1)
+        world.normals = world.normals + along[:, :1] * first + along[:, 1:] * second
+
+
+class AlbedoField:
+    """A smooth field of the body's albedo: the logarithm of a factor, of mean 0 over the object."""
+
+    def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
+        count = TERMS - 1
+        doc = "coefficients of a smooth logarithm of the albedo over the object"
+        return Family("albedo_field", "1", doc, count, _common(groups, count), spread=count**-0.5)
+
+    def act(self, world: World, values: Tensor, worlds: Worlds) -> None:
+        basis = world.places.polynomials - worlds.grid.mean_polynomials.to(values)
+        world.body = (values * basis[:, 1:]).sum(1, keepdim=True).exp()
+
+
+class Blur:
+    """The blur of the images by a Gaussian; its unknown is the variance, which adds half the Laplacian."""
+
+    def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
+        return Family("blur", "px²", "variance of the images' blur", 1, _common(groups, 1))
+
+    def act(self, world: World, values: Tensor, worlds: Worlds) -> None:
+        """It acts on sums over pixels, not on their world."""
+
+
+# In the order in which they act: on the object, on the lights, on the sensor.
+NUISANCES: dict[str, Nuisance] = {
+    "shift": Shift(),
+    "radius": Radius(),
+    "tilt": Tilt(),
+    "normals": Normals(),
+    "albedo_field": AlbedoField(),
+    "direction": Direction(),
+    "rotation": Rotation(),
+    "intensity": Intensity(),
+    "ambient": Ambient(),
+    "exposure": Exposure(),
+    "scale": Scale(),
+    "vignetting": Vignetting(),
+    "transfer": Transfer(),
+    "black": Black(),
+    "blur": Blur(),
+}
+
+
+class PhotographCalibration:
+    """The families of errors of some photographs, and what they do to samples.
+
+    Args:
+        samples: of the photographs.
+        groups: of the samples.
+        names: of the kinds of errors, in the order of their unknowns.
+    """
+
+    def __init__(self, samples: LitPixels, groups: Groups, names: Sequence[str]) -> None:
+        self._worlds = Worlds(samples)
+        self._groups = groups
+        self._names = names
+        self.families = [NUISANCES[name].family(self._worlds, groups) for name in names]
+        # What does not change with the errors, for batches that are asked for more than once.
+        self._exact: WeakKeyDictionary[Batch, list[World]] = WeakKeyDictionary()
+
+    def displaced(self, batch: Batch, values: Tensor) -> Displaced:
+        """See `Calibration`."""
+        widths = [family.width for family in self.families]
+        parts = dict(zip(self._names, values.split(widths, dim=1), strict=True))
+        here, *around = (replace(world) for world in self._worlds_of(batch, blurred="blur" in parts))
+        displaced = self._acted(here, parts)
+        if not around:
+            return displaced
+        with torch.no_grad():
+            four = {name: part.repeat(len(around[0].normals) // len(batch), 1) for name, part in parts.items()}
+            return replace(displaced, blur=parts["blur"], around=self._acted(around[0], four))
+
+    def _acted(self, world: World, values: Mapping[str, Tensor]) -> Displaced:
+        for name, nuisance in NUISANCES.items():
+            if name in values:
+                nuisance.act(world, values[name], self._worlds)
+        return Displaced(
+            points=world.points(),
+            body=world.body,
+            power=world.power,
+            white=None if world.power is None else world.places.white,
+            offset=world.offset,
+        )
+
+    def _worlds_of(self, batch: Batch, *, blurred: bool) -> list[World]:
+        """The world of a batch, and that of the pixels around its own where these run into them."""
+        worlds = self._exact.get(batch)
+        if worlds is None:
+            if batch.pixels is None:
+                raise ValueError("errors of the calibration need samples that say which pixel they are.")
+            image = self._groups.image_of(batch)
+            worlds = [self._worlds.of(batch, image, batch.pixels)]
+            if blurred:
+                around = self._worlds.grid.neighbours(batch.pixels)
+                worlds.append(self._worlds.of(batch, image, around.flatten()))
+            self._exact[batch] = worlds
+        return worlds
+
+
+def key_light(worlds: Worlds) -> Tensor:
+    """Irradiance of the brightest light of an image at the object's middle, the mean over images [C]."""
+    surface, brightest = worlds.scene.surface, []
+    middle = None if surface.positions is None else surface.positions.mean(0, keepdim=True)
+    for image in worlds.images:
+        lights = [light.at(middle)[1][0] for light in worlds.scene.lights[image]]
+        if lights:
+            brightest.append(max(lights, key=lambda power: float(power.mean())))
+    if not brightest:
+        raise InputError("ambient light is stated relative to the lights of the images, and these have none.")
+    return torch.stack([light.double() for light in brightest]).mean(0)
+
+
+def _light_numbers(worlds: Worlds) -> Tensor:
+    """The number of every light of every image [I, L]; lights that are stated to be the same have one."""
+    numbers: dict[Hashable, int] = {}
+    rows = []
+    for image in worlds.images:
+        row = [numbers.setdefault(light.key, len(numbers)) for light in worlds.scene.lights[image]]
+        # Lights that an image lacks give nothing: whose number they have does not matter.
+        rows.append(row + [0] * (worlds.slots - len(row)))
+    return torch.tensor(rows)
+
+
+def _across(vectors: Tensor) -> tuple[Tensor, Tensor]:
+    """Two unit vectors across each of some unit vectors [..., 3]; the first has no y, or no z near the y axis."""
+    near_y = vectors[..., 1:2].abs() > 0.9
+    axis = torch.where(near_y, vectors.new_tensor([0.0, 0.0, 1.0]), vectors.new_tensor([0.0, 1.0, 0.0]))
+    first = normalize(torch.linalg.cross(axis, vectors), dim=-1)
+    return first, torch.linalg.cross(vectors, first)
+
+
+def _unoccluded(worlds: Worlds) -> Tensor | None:
+    """Share of an even sky that each pixel of the surface sees [N]; None: all of it."""
+    return None if worlds.unoccluded is None else torch.from_numpy(worlds.unoccluded)

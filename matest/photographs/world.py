@@ -1,0 +1,234 @@
+"""What samples of photographs look like before they are turned into local frames: where errors of a calibration act."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn.functional import normalize
+
+from matest.directions import to_local
+from matest.photographs.pixels import LitPixels
+from matest.samples.batch import Batch
+from matest.scene import Points, Scene, Surface
+from matest.scene.visibility import unoccluded_fraction
+
+# Degree of the polynomials that smooth fields over the object are made of: features down to a fifth of it.
+_DEGREE = 5
+# Number of polynomials of two coordinates up to that degree.
+TERMS = (_DEGREE + 1) * (_DEGREE + 2) // 2
+# Pixels that the mean of a polynomial over the object is taken of.
+_MEAN_PIXELS = 4_000
+
+
+class Places:
+    """Where n samples lie, and what does not change with errors of the calibration, in the precision of the samples.
+
+    Args:
+        worlds: that they belong to.
+        pixels: of each sample its place among the surface's N pixels [n].
+        image: position of its image [n].
+        like: gives precision and device.
+    """
+
+    def __init__(self, worlds: Worlds, pixels: Tensor, image: Tensor, like: Tensor) -> None:
+        self._worlds = worlds
+        self._like = like
+        self.pixels = pixels
+        self.image = image
+
+    @cached_property
+    def coordinates(self) -> Tensor:
+        """In the image, pixels [n, 2]."""
+        return self._worlds.grid.coordinates(self.pixels).to(self._like)
+
+    @cached_property
+    def polynomials(self) -> Tensor:
+        """See `Grid.polynomials` [n, terms]."""
+        return self._worlds.grid.polynomials(self.pixels).to(self._like)
+
+    @cached_property
+    def normal_slopes(self) -> Tensor:
+        """Change of the normals per pixel along x and y [n, 3, 2]."""
+        return self._worlds.grid.slopes(self._worlds.scene.surface.normals, self.pixels).to(self._like)
+
+    @cached_property
+    def white(self) -> Tensor:
+        """Radiance of full scale [n, 1]."""
+        photographs = self._worlds.photographs
+        scale, exposures = photographs.encoding.scale, photographs.exposures
+        of_image = torch.tensor([scale / exposures[image] for image in self._worlds.images], dtype=torch.float64)
+        return of_image[self.image][:, None].to(self._like)
+
+
+@dataclass(eq=False)
+class World:
+    """n samples of L lights in world coordinates. Errors of the calibration change what they act on.
+
+    Attributes:
+        places: where the samples lie.
+        normals: unit normals [n, 3].
+        toward: unit vectors to each light [n, L, 3].
+        view: unit vectors to the viewer [n, 3].
+        irradiance: of a surface facing each light [n, L, C].
+        ambient: ambient radiance times the unoccluded fraction of the sky [n, C]; None: there is none.
+        body: see `Displaced`; likewise `power`, `offset`.
+    """
+
+    places: Places
+    normals: Tensor
+    toward: Tensor
+    view: Tensor
+    irradiance: Tensor
+    ambient: Tensor | None
+    body: Tensor | None = None
+    power: Tensor | None = None
+    offset: Tensor | None = None
+
+    def points(self) -> Points:
+        """The samples in their local frames."""
+        normals, toward = normalize(self.normals, dim=-1), normalize(self.toward, dim=-1)
+        wi, wo = to_local(normals[:, None], toward, self.view[:, None])
+        return Points(wi, wo[:, 0], self.irradiance, self.ambient)
+
+    def scale_light(self, factor: Tensor) -> None:
+        """Multiply all light by a factor [n, 1]."""
+        self.irradiance = self.irradiance * factor[:, None]
+        if self.ambient is not None:
+            self.ambient = self.ambient * factor
+
+
+class Worlds:
+    """Makes the world of batches.
+
+    Args:
+        samples: that the batches are of.
+    """
+
+    def __init__(self, samples: LitPixels) -> None:
+        self.images = samples.images
+        self.photographs = samples.photographs
+        self.grid = Grid(samples.photographs.scene.surface)
+
+    @property
+    def scene(self) -> Scene:
+        return self.photographs.scene
+
+    @cached_property
+    def slots(self) -> int:
+        """L: the most lights that an image has."""
+        return max(len(self.scene.lights[image]) for image in self.images)
+
+    @cached_property
+    def unoccluded(self) -> np.ndarray | None:
+        """Share of an even sky that each pixel of the surface sees [N]; None: all of it."""
+        stated = self.scene.unoccluded
+        return unoccluded_fraction(self.scene.surface) if stated is None else stated
+
+    def of(self, batch: Batch, image: Tensor, pixels: Tensor) -> World:
+        """The world of a batch; of pixels beside its own under the same light where `pixels` [m n] says so.
+
+        Args:
+            batch: n samples.
+            image: position of the image of each [n].
+            pixels: of the samples, or of m neighbours of each.
+        """
+        surface, like = self.scene.surface, batch.radiance
+        copies = len(pixels) // len(batch)
+        points, image = batch.points, image.repeat(copies)
+        irradiance = points.irradiance.expand(len(batch), self.slots, like.shape[1])
+        ambient = None if points.ambient is None else points.ambient.expand_as(like).repeat(copies, 1)
+        view = surface.toward_viewer(pixels).to(like).expand(len(pixels), 3)
+        return World(
+            places=Places(self, pixels, image, like),
+            normals=surface.normals_as(like.dtype)[pixels],
+            toward=self._toward(image, pixels, like),
+            view=view,
+            irradiance=irradiance.repeat(copies, 1, 1),
+            ambient=ambient,
+        )
+
+    def _toward(self, image: Tensor, pixels: Tensor, like: Tensor) -> Tensor:
+        """Unit vectors to the lights [n, L, 3]; those of lights that an image lacks are the normal."""
+        surface = self.scene.surface
+        toward = surface.normals_as(like.dtype)[pixels][:, None].repeat(1, self.slots, 1)
+        for position in image.unique().tolist():
+            rows = (image == position).nonzero()[:, 0]
+            for slot, light in enumerate(self.scene.lights[self.images[position]]):
+                places = None
+                if light.near and surface.positions is not None:
+                    places = surface.positions[pixels[rows]].to(like)
+                toward[rows, slot] = light.to(like.dtype, "cpu").at(places)[0].expand(len(rows), 3)
+        return toward
+
+
+class Grid:
+    """The pixels of a surface as an image: their coordinates, and how normals and positions change across them.
+
+    x points right and y down, in pixels.
+    """
+
+    def __init__(self, surface: Surface) -> None:
+        self._surface = surface
+        self.height, self.width = surface.shape
+
+    @cached_property
+    def _places(self) -> Tensor:
+        """Index of the surface's pixel at every pixel of the image, −1 on the background; a border of −1 all round."""
+        places = np.full((self.height + 2, self.width + 2), -1, dtype=np.int32)
+        inner = self._surface.image(np.arange(1, len(self._surface) + 1, dtype=np.int32)) - 1
+        places[1:-1, 1:-1] = inner
+        return torch.from_numpy(places.reshape(-1))
+
+    def coordinates(self, pixels: Tensor) -> Tensor:
+        """Of the centres of some pixels [n, 2]."""
+        flat = torch.from_numpy(self._surface.pixels)[pixels]
+        return torch.stack([flat % self.width, flat.div(self.width, rounding_mode="floor")], dim=1).double() + 0.5
+
+    @cached_property
+    def box(self) -> Tensor:
+        """Least and greatest coordinates of the object [2, 2]."""
+        rows, columns = np.divmod(self._surface.pixels, self.width)
+        return torch.tensor([[columns.min(), rows.min()], [columns.max() + 1, rows.max() + 1]], dtype=torch.float64)
+
+    def polynomials(self, pixels: Tensor) -> Tensor:
+        """Products of Legendre polynomials of x and y, of mean square 1 over the object's box [n, TERMS].
+
+        The first is 1.
+        """
+        low, high = self.box
+        across = 2 * (self.coordinates(pixels) - low) / (high - low) - 1
+        powers = [torch.ones_like(across), across]
+        for degree in range(2, _DEGREE + 1):
+            powers.append(((2 * degree - 1) * across * powers[-1] - (degree - 1) * powers[-2]) / degree)
+        scaled = [math.sqrt(2 * degree + 1) * power for degree, power in enumerate(powers)]
+        products = [scaled[i][:, 0] * scaled[j][:, 1] for i in range(_DEGREE + 1) for j in range(_DEGREE + 1 - i)]
+        return torch.stack(products, dim=1)
+
+    @cached_property
+    def mean_polynomials(self) -> Tensor:
+        """The mean of each polynomial over the object [TERMS]."""
+        count = len(self._surface)
+        some = torch.linspace(0, count - 1, min(count, _MEAN_PIXELS)).long()
+        return self.polynomials(some).mean(0)
+
+    def neighbours(self, pixels: Tensor) -> Tensor:
+        """The pixels to the left, right, top and bottom of some pixels [4, n]; themselves where there is none."""
+        x, y = (self.coordinates(pixels) - 0.5).long().T
+        padded = (y + 1) * (self.width + 2) + x + 1
+        steps = torch.tensor([[-1], [1], [-(self.width + 2)], [self.width + 2]])
+        beside = self._places[padded + steps].long()
+        return torch.where(beside < 0, pixels, beside)
+
+    def slopes(self, values: Tensor, pixels: Tensor) -> Tensor:
+        """Change per pixel along x and y at some pixels [n, k, 2] of values [N, k] of the surface."""
+        left, right, up, down = self.neighbours(pixels)
+        parts = []
+        for before, after in ((left, right), (up, down)):
+            steps = (before != pixels).int() + (after != pixels).int()
+            parts.append((values[after] - values[before]) / steps.clamp(min=1)[:, None])
+        return torch.stack(parts, dim=-1)

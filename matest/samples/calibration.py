@@ -1,0 +1,96 @@
+"""Errors of the calibration as unknowns: what they are, and what they do to the light that samples are under."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import torch
+from torch import Tensor
+
+from matest.samples.batch import Batch
+from matest.scene.points import Points
+
+# Share of full scale. The power of a darker value is taken as that of this one, so that its logarithm stays finite.
+_DARK = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """Unknown errors of one kind, all 0 where the calibration is exact.
+
+    Attributes:
+        name: of the kind, such as "direction".
+        unit: of the unknowns.
+        doc: what they are.
+        count: number of unknowns.
+        places: of the q unknowns that samples of each group depend on, int64 [G, q].
+        spread: what their standard deviation has to be for the error as a whole to have one of 1.
+    """
+
+    name: str
+    unit: str
+    doc: str
+    count: int
+    places: Tensor
+    spread: float = 1.0
+
+    @property
+    def width(self) -> int:
+        """q: number of unknowns that one sample depends on."""
+        return self.places.shape[1]
+
+
+@dataclass(frozen=True, eq=False)
+class Displaced:
+    """n samples as they would be under some errors of the calibration.
+
+    Attributes:
+        points: geometry and light.
+        body: factor of the albedo of the body [n, 1]; None: 1.
+        power: excess over 1 of the exponent between true and decoded radiance [n, 1]; None: 0.
+        white: radiance of full scale [n, 1]; needed beside `power`.
+        offset: added to the decoded radiance [n, C]; None: 0.
+        blur: variance of the images' blur in pixels² [n, 1], which adds half the Laplacian; None: 0.
+        around: the pixels left, right, above and below of all samples, 4 n; needed beside `blur`.
+    """
+
+    points: Points
+    body: Tensor | None = None
+    power: Tensor | None = None
+    white: Tensor | None = None
+    offset: Tensor | None = None
+    blur: Tensor | None = None
+    around: Displaced | None = None
+
+    def decoded(self, radiance: Tensor) -> Tensor:
+        """What is decoded of the true radiance [n, C]."""
+        if self.power is not None and self.white is not None:
+            radiance = radiance * self._level(radiance) ** self.power
+        return radiance if self.offset is None else radiance + self.offset
+
+    def slope(self, radiance: Tensor) -> Tensor:
+        """Derivative of `decoded` by the true radiance [n, C]."""
+        if self.power is None:
+            return torch.ones_like(radiance)
+        return (1 + self.power) * self._level(radiance) ** self.power
+
+    def _level(self, radiance: Tensor) -> Tensor:
+        """Share of full scale."""
+        assert self.white is not None
+        return (radiance / self.white).clamp(min=_DARK)
+
+
+class Calibration(Protocol):
+    """The families of errors that a problem estimates or allows for, and what they do to samples.
+
+    Attributes:
+        families: in the order of their unknowns.
+    """
+
+    @property
+    def families(self) -> Sequence[Family]: ...
+
+    def displaced(self, batch: Batch, values: Tensor) -> Displaced:
+        """Samples under errors of these `values` [n, Σq], differentiable in them."""
