@@ -365,6 +365,8 @@ def _capture_table(tables: schema.SceneFile, encoding: Encoding, names: list[str
     out["encoding"] = _changes(tables.encoding) | {"transfer": encoding.transfer, "scale": encoding.scale}
     if tables.noise is not None and (tables.noise.read or tables.noise.gain):
         out["noise"] = {"read": tables.noise.read, "gain": tables.noise.gain}
+    if tables.uncertainty:
+        out["uncertainty"] = tables.uncertainty
     out["image"] = [_changes(image) | {"file": name} for image, name in zip(tables.image, names, strict=True)]
     return out
 

@@ -194,6 +194,12 @@ def test_a_dark_scene_can_be_rendered(tmp_path: Path) -> None:
     assert not read_image(folder / "00.png").any()
 
 
+def test_a_capture_states_the_uncertainty_that_its_scene_states(tmp_path: Path) -> None:
+    stated = "[uncertainty]\ndirection = 0.01\npose = [0.5, 0.01]\n"
+    capture = load_capture(simulate(sphere_scene(tmp_path, noise(16), SIX_LIGHTS, stated)))
+    assert capture.uncertainty.stated == {"direction": 0.01, "pose": (0.5, 0.01)}
+
+
 def test_loading_gives_back_lights_noise_and_camera(tmp_path: Path) -> None:
     capture = load_capture(simulate(sphere_scene(tmp_path, noise(16), SIX_LIGHTS)))
     assert len(capture) == 6

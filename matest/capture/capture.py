@@ -24,6 +24,7 @@ from matest.photographs.samples import PhotographSamples
 from matest.photographs.sensor import sensor_of
 from matest.photographs.storage import Storage
 from matest.progress import Progress, silent
+from matest.samples.uncertainty import Uncertainty
 from matest.scene import Scene
 from matest.workers import in_threads
 
@@ -42,6 +43,7 @@ class Capture:
         folder: that holds the capture.
         sums: SHA-256 of the bytes that were read of every file: images, capture.toml, and the others.
         timing: seconds spent reading images, building geometry and estimating noise.
+        uncertainty: of the calibration, as far as capture.toml states it.
     """
 
     name: str
@@ -50,6 +52,7 @@ class Capture:
     folder: Path = Path()
     sums: dict[Path, str] = field(default_factory=dict)
     timing: dict[str, float] = field(default_factory=dict)
+    uncertainty: Uncertainty = field(default_factory=Uncertainty)
 
     def __len__(self) -> int:
         return len(self.photographs)
@@ -76,6 +79,18 @@ class Capture:
     def names(self) -> list[str]:
         """The image files as the capture refers to them."""
         return list(self.photographs.names)
+
+    @property
+    def circle_uncertainty(self) -> Uncertainty:
+        """Of the pose and the radius of a sphere whose circle was fitted to the mask; none is stated of other objects.
+
+        It holds what the edge of the mask scatters about the circle, not a mask that is too wide all around. The
+        second number of the pose is the angle that the first subtends at the radius: nothing depends on it.
+        """
+        circle = self.scene.surface.circle
+        if circle is None:
+            return Uncertainty()
+        return Uncertainty(pose=(circle.centre_std, circle.centre_std / circle.radius), radius=circle.radius_std)
 
     def radiance(self, image: int, index: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Measured radiance [n, C] of object pixels, float32."""
@@ -146,6 +161,7 @@ def load_capture(
         folder=description.folder,
         sums={file: sums[file] for file in (*paths, description.file, *others)},
         timing=timing,
+        uncertainty=description.uncertainty,
     )
 
 

@@ -11,8 +11,9 @@ from typing import Generic
 
 from matest.capture import schema
 from matest.capture.schema import File
-from matest.errors import Fault, InputError, refuse
+from matest.errors import Fault, InputError, errors_of, refuse
 from matest.photographs.images import LARGEST, read_image
+from matest.samples.uncertainty import Uncertainty
 
 # Largest width and height of images that do not exist yet, pixels: a typo must not fill the memory.
 _MAX_SIDE = 16384
@@ -26,11 +27,13 @@ class Description(Generic[File]):
         file: its path; references in it are relative to its folder.
         root: folder that contains all files that it may refer to.
         tables: its content, in which every number is possible.
+        uncertainty: of what it states, as far as it says.
     """
 
     file: Path
     root: Path
     tables: File
+    uncertainty: Uncertainty
 
     @property
     def folder(self) -> Path:
@@ -98,7 +101,9 @@ def describe(path: str | Path, kind: type[File], *, root: Path | None = None) ->
     if not tables.image:
         raise InputError(f"{file}: expected at least one [[image]]{' with lights' if scene else ''}; got none.")
     refuse(file, _faults(tables))
-    return Description(file, (root or file.parent).absolute(), tables)
+    with errors_of(f"{file}: [uncertainty]"):
+        uncertainty = Uncertainty.of(tables.uncertainty)
+    return Description(file, (root or file.parent).absolute(), tables, uncertainty)
 
 
 def capture_file(path: str | Path, name: str) -> Path:

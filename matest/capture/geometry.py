@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +13,10 @@ from matest.capture.schema import CameraTable
 from matest.errors import Fault, InputError, errors_of, refuse
 from matest.photographs.images import full_scale, read_image, read_mask
 from matest.scene.camera import Camera
+from matest.scene.circle import Circle, fit_circle
 from matest.scene.mesh import Mesh
 from matest.scene.sight import Precision
-from matest.scene.surface import Surface, fit_circle, from_mesh, from_normals, from_sphere
+from matest.scene.surface import Surface, from_mesh, from_normals, from_sphere
 
 
 @dataclass(frozen=True)
@@ -137,19 +138,19 @@ def _of_sphere(view: _View) -> Surface:
             f"{label}: shape = 'sphere' is a circle seen by a distant camera; for a perspective camera give the sphere "
             "as a mesh."
         )
-    centre, radius = _circle(view)
+    centre, radius, circle = _circle(view)
     centre_of_rays = (factor * centre[0], factor * centre[1])
     surface = from_sphere(view.fine_shape, centre_of_rays, factor * radius, view.mask, view.precision)
     if not len(surface):
         raise InputError(f"{label}: the sphere at {centre} with radius {radius} covers no pixel of the image and mask.")
-    return surface
+    return replace(surface, circle=circle)
 
 
-def _circle(view: _View) -> tuple[tuple[float, float], float]:
-    """Centre and radius of the sphere in pixels, from the file or fitted to the mask."""
+def _circle(view: _View) -> tuple[tuple[float, float], float, Circle | None]:
+    """Centre and radius of the sphere in pixels, from the file or fitted to the mask; the fit where there is one."""
     geometry, label = view.description.tables.geometry, view.description.file
     if geometry.centre is not None and geometry.radius is not None:
-        return geometry.centre, geometry.radius
+        return geometry.centre, geometry.radius, None
     if geometry.centre is not None or geometry.radius is not None:
         raise InputError(f"{label}: give both centre and radius of the sphere, or neither (they are fitted).")
     if view.coverage is None:
@@ -157,7 +158,8 @@ def _circle(view: _View) -> tuple[tuple[float, float], float]:
             f"{label}: shape = 'sphere' needs a mask to fit the circle to, or centre and radius in pixels."
         )
     with errors_of(label):
-        return fit_circle(view.coverage)
+        circle = fit_circle(view.coverage)
+    return circle.centre, circle.radius, circle
 
 
 def _vectors(path: Path, shape: tuple[int, int], content: str) -> np.ndarray:

@@ -87,6 +87,7 @@ class CaptureFile(_Table, kw_only=True):
     camera: CameraTable | None = None
     encoding: EncodingTable = msgspec.field(default_factory=EncodingTable)
     noise: NoiseTable | None = None
+    uncertainty: dict[str, Any] = {}  # by the names of `samples.uncertainty`, which checks it
 
 
 class SceneFile(CaptureFile, kw_only=True):

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from matest.errors import InputError
+from matest.errors import InputError, errors_of
 from matest.report.picture_size import PictureSize
 
 if TYPE_CHECKING:
     from matest.estimation.options import Options
+    from matest.samples.uncertainty import Uncertainty
 
 Choice = TypeVar("Choice", bound=Enum)
 # Options that several commands take.
@@ -25,6 +26,23 @@ Seed = Annotated[int, typer.Option(help="Of the subsample that the search starts
 Fix = Annotated[list[str] | None, typer.Option(metavar="NAME=VALUE", help="Hold a parameter at a value.")]
 Free = Annotated[list[str] | None, typer.Option(metavar="NAME", help="Estimate a parameter held by default.")]
 Tie = Annotated[list[str] | None, typer.Option(metavar="NAME=OTHER", help="Give a parameter another's value.")]
+UncertaintyOf = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--uncertainty",
+        metavar="NAME=VALUE",
+        help="One standard deviation of what the calibration states, overrides the capture's: direction, rotation, "
+        "normals, normal_noise (rad); intensity, exposure, scale, ambient, vignetting, transfer, albedo (relative); "
+        "black (of full scale); radius, blur (pixels); pose=PIXELS,RAD.",
+        show_default=False,
+    ),
+]
+Refine = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME,...|all", help="Errors of the calibration to estimate with the material: names of --uncertainty."
+    ),
+]
 Pictures = Annotated[
     PictureSize,
     typer.Option(help="Pictures of photographs, model and difference: small, as large as the photographs, or none."),
@@ -68,6 +86,20 @@ def pair(text: str) -> tuple[str, str]:
     if not (name and equals and value):
         raise InputError(f"'{text}' must read NAME=VALUE.")
     return name, value
+
+
+def uncertainty(texts: list[str] | None) -> Uncertainty:
+    """Standard deviations of a calibration of texts such as `direction=0.01` or `pose=0.5,0.01`."""
+    from matest.samples.uncertainty import Uncertainty
+
+    values = dict(assignment(text, "--uncertainty") for text in texts or [])
+    with errors_of("--uncertainty"):
+        return Uncertainty.of(values)
+
+
+def names(text: str) -> tuple[str, ...]:
+    """Names that commas separate."""
+    return tuple(name.strip() for name in text.split(",") if name.strip())
 
 
 def indices(text: str) -> list[int]:

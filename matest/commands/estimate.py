@@ -33,6 +33,8 @@ def estimate(
         typer.Option(metavar="R", help="Stop once every relative standard error is below R.", show_default=False),
     ] = None,
     transfer: arguments.Transfer = None,
+    uncertainty: arguments.UncertaintyOf = None,
+    refine: arguments.Refine = "",
     seed: arguments.Seed = 0,
     device: Annotated[str, typer.Option(help="Where to compute: cpu, cuda.")] = "cpu",
     pictures: arguments.Pictures = PictureSize.PREVIEW,
@@ -51,6 +53,7 @@ def estimate(
     options = arguments.options(
         model, fix, free, tie, transfer,
         holdout=arguments.indices(holdout), precision=precision, seed=seed, device=device,
+        uncertainty=arguments.uncertainty(uncertainty), refine=arguments.names(refine),
     )  # fmt: skip
     check_options(options)
     jobs = batch.jobs(captures, out, options, " ".join(["matest", *sys.argv[1:]]), pictures)

@@ -24,6 +24,7 @@ from matest.inference.posterior import judge, judge_to_first_order
 from matest.progress import Progress, silent
 from matest.samples import Samples
 from matest.samples.account import Account, AccountedSamples
+from matest.samples.uncertainty import Uncertainty
 
 if TYPE_CHECKING:
     from matest.brdf import Brdf
@@ -41,6 +42,8 @@ def estimate(
     precision: float | None = None,
     seed: int = 0,
     device: str = "cpu",
+    uncertainty: Uncertainty | Mapping[str, float | Sequence[float]] | None = None,
+    refine: str | Sequence[str] = (),
     progress: Progress = silent,
 ) -> Estimate:
     """The material of a capture with its error bars.
@@ -56,6 +59,9 @@ def estimate(
             model describes the images; None: read all.
         seed: of the subsample that the search starts from.
         device: where tiles are evaluated ("cpu", "cuda").
+        uncertainty: one standard deviation of what the calibration states, by family (`matest.samples.uncertainty`),
+            such as {"direction": 0.01, "pose": (0.5, 0.01)}; it comes before the capture's own.
+        refine: families of errors of the calibration to estimate with the material; "all": every family.
         progress: called with a word on what is being done.
 
     Raises:
@@ -69,7 +75,8 @@ def estimate(
         )
     options = Options(
         model=model, fix=fix or {}, free=free, tie=tie or {}, holdout=holdout, precision=precision, seed=seed,
-        device=device,
+        device=device, uncertainty=_uncertainty(uncertainty),
+        refine=tuple([refine] if isinstance(refine, str) else refine),
     )  # fmt: skip
     return estimate_with(capture, options, progress)
 
@@ -118,6 +125,11 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         holdout=holdout,
         warnings=warnings(Context(samples, specification, solution, posterior, options.precision, said)),
     )
+
+
+def _uncertainty(stated: Uncertainty | Mapping[str, Any] | None) -> Uncertainty:
+    """What is stated of the calibration, as one type."""
+    return stated if isinstance(stated, Uncertainty) else Uncertainty.of(stated or {})
 
 
 def _samples(capture: Capture, options: Options) -> AccountedSamples:

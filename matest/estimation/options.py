@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from matest.errors import InputError
+from matest.errors import InputError, errors_of
+from matest.samples.uncertainty import Uncertainty, families
 
 Value = float | Sequence[float]
 # The model name that asks `estimate` to choose the model.
@@ -29,9 +30,11 @@ class Options:
         seed: of the subsample that the search starts from.
         device: where tiles are evaluated ("cpu", "cuda").
         transfer: how pixels encode light: "linear", "srgb" or a gamma; None: as the capture says.
+        uncertainty: of the calibration; what it states comes before what the capture states.
+        refine: families of errors of the calibration to estimate with the material; "all" becomes every family.
 
     Raises:
-        InputError: a precision outside 0 to 1, another choice of `auto`.
+        InputError: a precision outside 0 to 1, another choice of `auto`, an unknown family.
     """
 
     model: str | None = None
@@ -43,8 +46,12 @@ class Options:
     seed: int = 0
     device: str = "cpu"
     transfer: str | float | None = None
+    uncertainty: Uncertainty = field(default_factory=Uncertainty)
+    refine: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        with errors_of("--refine"):
+            object.__setattr__(self, "refine", families(self.refine))
         if self.precision is not None and not 0 < self.precision < 1:
             raise InputError(
                 f"precision is a relative standard error, such as 0.001, between 0 and 1; got {self.precision}."

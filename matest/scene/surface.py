@@ -12,6 +12,7 @@ from torch.nn.functional import normalize
 
 from matest.errors import InputError
 from matest.scene.camera import Camera
+from matest.scene.circle import Circle
 from matest.scene.mesh import Mesh
 from matest.scene.rim import near_silhouette
 from matest.scene.sight import Precision, Sight, index_type
@@ -34,6 +35,7 @@ class Surface:
         coverage: share of the mask's pixels in which there is a surface.
         eye: position of a perspective camera, [3]; None for a distant viewer.
         convex: True for a surface without a mesh that cannot shadow itself.
+        circle: the image of a sphere, where it was fitted to the edge of a mask.
     """
 
     shape: tuple[int, int]
@@ -47,6 +49,7 @@ class Surface:
     coverage: float = 1.0
     eye: Tensor | None = None
     convex: bool = False
+    circle: Circle | None = None
 
     def __len__(self) -> int:
         return len(self.pixels)
@@ -212,41 +215,6 @@ def from_sphere(
         sightlines=torch.tensor([[0.0, 0.0, 1.0]], dtype=torch.float64),
         convex=True,
     )
-
-
-def fit_circle(mask: np.ndarray) -> tuple[tuple[float, float], float]:
-    """Centre (x, y) and radius in pixels of the circle that a mask's edge follows.
-
-    The edge is the half-level contour of the mask (anti-aliased masks give sub-pixel positions); points on the border
-    of the image, where a cropped sphere has no edge, do not count.
-
-    Args:
-        mask: H×W, any numeric type; nonzero = object.
-
-    Raises:
-        InputError: the edge is not a circle to 3 % of its radius.
-    """
-    from skimage.measure import CircleModel, find_contours
-
-    level = mask.astype(np.float64) / mask.max()
-    contours = find_contours(np.pad(level, 1), 0.5)
-    if not contours:
-        raise InputError("the mask has no edge to fit a circle to: it must show the sphere against a background.")
-    # Padding by one pixel shifts by +1; array index i is the pixel centre i + 0.5.
-    edge = max(contours, key=len) - 1 + 0.5
-    height, width = mask.shape
-    inner = (edge[:, 0] > 1) & (edge[:, 0] < height - 1) & (edge[:, 1] > 1) & (edge[:, 1] < width - 1)
-    circle = CircleModel.from_estimate(edge[inner][:, ::-1]) if inner.sum() >= 8 else None
-    if not circle:
-        raise InputError("no circle could be fitted to the mask's edge: give centre and radius in [geometry].")
-    centre, radius = circle.center, float(circle.radius)
-    spread = float(np.sqrt(np.mean(circle.residuals(edge[inner][:, ::-1]) ** 2)))
-    if spread > 0.03 * radius:
-        raise InputError(
-            f"the mask's edge is no circle: it strays {spread:.1f} pixels (rms) from the best one, of radius "
-            f"{radius:.1f}; a sphere's mask, or centre and radius in [geometry], is needed."
-        )
-    return (float(centre[0]), float(centre[1])), radius
 
 
 def _eye(camera: Camera) -> Tensor | None:

@@ -13,6 +13,7 @@ import trimesh
 import matest
 from matest.brdf import Lambert
 from matest.photographs.images import ImageFile, read_image, write_image
+from matest.samples.uncertainty import Uncertainty
 from tests.captures import (
     ALBEDO,
     RADIUS,
@@ -67,6 +68,19 @@ def test_a_sphere_without_centre_and_radius_is_fitted_to_the_mask(folder):
     rows = np.searchsorted(fitted.pixels, inner.pixels)
     np.testing.assert_array_equal(fitted.pixels[rows], inner.pixels)
     np.testing.assert_allclose(fitted.normals[rows], inner.normals, atol=0.02)
+
+
+def test_only_a_circle_that_was_fitted_is_uncertain(folder):
+    assert folder.load().circle_uncertainty == Uncertainty()
+    folder.tables["geometry"] = {"shape": "sphere"}
+    folder.tables["uncertainty"] = {"radius": 0.7}
+    capture = folder.load()
+    pixels, angle = capture.circle_uncertainty.pose
+    # The mask is binary: its edge is right to a fraction of a pixel.
+    assert 0.01 < pixels < 0.1
+    assert angle == pytest.approx(pixels / RADIUS, rel=0.01)
+    assert 0.01 < capture.circle_uncertainty.radius < 0.1
+    assert capture.uncertainty == Uncertainty(radius=0.7)
 
 
 def test_an_integer_normal_map_encodes_minus_one_to_one(folder):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from matest.capture import schema
 from matest.capture.description import capture_file, describe, image_channels, image_shape
 from matest.photographs.images import write_image
+from matest.samples.uncertainty import Uncertainty
 from tests import scenes
 from tests.captures import SHAPE, CaptureFolder, refusal, sphere_normals
 
@@ -72,3 +74,25 @@ def test_the_file_of_a_folder_is_found_and_another_kind_of_file_refused(folder: 
     assert capture_file(folder.save(), "capture.toml") == folder.file
     np.save(folder.path / "x.npy", np.zeros(3))
     assert "got a .npy file" in refusal(lambda: capture_file(folder.path / "x.npy", "capture.toml"))
+
+
+def test_the_uncertainty_of_a_calibration_is_what_its_table_states(folder: CaptureFolder) -> None:
+    assert describe(folder.save(), schema.CaptureFile).uncertainty == Uncertainty()
+    folder.tables["uncertainty"] = {"direction": 0.01, "pose": [0.5, 0.01]}
+    stated = Uncertainty(direction=0.01, pose=(0.5, 0.01))
+    assert describe(folder.save(), schema.CaptureFile).uncertainty == stated
+    assert folder.load().uncertainty == stated
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ({"intensty": 0.02}, "unknown uncertainty 'intensty'; did you mean 'intensity'?"),
+        ({"direction": 1.0}, "direction (rad) must be at most 0.5; got 1. 1° is 0.0175 rad."),
+    ],
+)
+def test_an_impossible_uncertainty_is_refused_by_file_and_table(
+    folder: CaptureFolder, table: dict[str, Any], words: str
+) -> None:
+    folder.tables["uncertainty"] = table
+    assert refusal(lambda: describe(folder.save(), schema.CaptureFile)) == f"{folder.file}: [uncertainty]: {words}"

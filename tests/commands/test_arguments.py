@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
 from matest.commands import arguments
+from matest.samples.uncertainty import NAMES, Uncertainty
 from tests.captures import refusal
 
 
@@ -18,6 +20,7 @@ from tests.captures import refusal
         (arguments.assignment, "albedo = 0.7, 0.6,0.5", ("albedo", [0.7, 0.6, 0.5])),
         (arguments.pair, "a.sigma = b.sigma", ("a.sigma", "b.sigma")),
         (arguments.indices, "0, 3,", [0, 3]),
+        (arguments.names, "direction, blur,", ("direction", "blur")),
         (arguments.noise, "0.002,5e-4", (0.002, 0.0005)),
         (arguments.line, "0,1,20.5,3", (0.0, 1.0, 20.5, 3.0)),
         (arguments.encoding, "srgb", "srgb"),
@@ -27,6 +30,30 @@ from tests.captures import refusal
 )
 def test_a_text_becomes_what_it_says(parse: Callable[[str | None], Any], text: str | None, value: object) -> None:
     assert parse(text) == value
+
+
+def test_uncertainties_are_read_by_name() -> None:
+    stated = arguments.uncertainty(["direction=0.01", "pose = 0.5,0.01"])
+    assert stated == Uncertainty(direction=0.01, pose=(0.5, 0.01))
+    assert arguments.uncertainty(None) == Uncertainty()
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("directoin=0.01", "--uncertainty: unknown uncertainty 'directoin'; did you mean 'direction'?"),
+        ("pose=0.5", "--uncertainty: pose must be 2 numbers (pixels,rad); got 0.5."),
+        ("blur=wide", "--uncertainty blur must be a number; got 'wide'."),
+        ("blur", "'blur' must read NAME=VALUE."),
+    ],
+)
+def test_an_uncertainty_that_is_none_is_refused(text: str, expected: str) -> None:
+    assert refusal(lambda: arguments.uncertainty([text])) == expected
+
+
+def test_the_help_of_uncertainties_lists_every_name() -> None:
+    (option,) = get_args(arguments.UncertaintyOf)[1:]
+    assert {*re.findall(r"[a-z_]+", option.help)} >= {*NAMES}
 
 
 @pytest.mark.parametrize(

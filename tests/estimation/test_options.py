@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import pickle
 from dataclasses import FrozenInstanceError
 
@@ -12,6 +13,7 @@ from matest.brdf import Lambert, OrenNayar
 from matest.estimation.estimate import estimate_with
 from matest.estimation.options import Options
 from matest.estimation.specification import check_options
+from matest.samples.uncertainty import NAMES, Uncertainty
 from tests.captures import refusal
 from tests.simulated import Studio
 
@@ -21,7 +23,7 @@ CAPTURE = Studio(size=24)
 def test_options_can_be_sent_to_another_process_and_not_be_changed() -> None:
     options = Options(
         model="oren-nayar", fix={"albedo": [0.1, 0.2, 0.3]}, free=("sigma",), tie={"a": "b"}, holdout=(1,),
-        precision=0.01, seed=3, device="cuda", transfer=2.2,
+        precision=0.01, seed=3, device="cuda", transfer=2.2, uncertainty=Uncertainty(direction=0.01), refine=("blur",),
     )  # fmt: skip
     assert pickle.loads(pickle.dumps(options)) == options
     with pytest.raises(FrozenInstanceError):
@@ -35,6 +37,25 @@ def test_a_precision_that_is_no_relative_error_is_refused_before_anything_is_rea
 
 def test_a_negative_seed_is_refused_before_anything_is_read() -> None:
     assert "--seed" in refusal(lambda: Options(seed=-1))
+
+
+def test_errors_to_refine_are_families_by_name() -> None:
+    assert Options(refine=("blur", "black")).refine == ("blur", "black")
+    assert Options(refine=("all",)).refine == tuple(NAMES)
+    expected = "--refine: unknown uncertainty 'bluur'; did you mean 'blur'?"
+    assert refusal(lambda: Options(refine=("bluur",))) == expected
+
+
+def test_an_estimate_takes_uncertainties_by_name_or_as_a_capture_states_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = importlib.import_module("matest.estimation.estimate")
+    monkeypatch.setattr(module, "estimate_with", lambda _, options, __: options)
+    capture = CAPTURE.photograph(Lambert(0.5), seed=1)
+    stated = Uncertainty(pose=(0.5, 0.01))
+    for uncertainty in (stated, {"pose": [0.5, 0.01]}):
+        options = matest.estimate(capture, uncertainty=uncertainty, refine=["pose"])
+        assert options == Options(model="auto", uncertainty=stated, refine=("pose",))
+    assert matest.estimate(capture, refine="all").refine == tuple(NAMES)
+    assert "direction" in refusal(lambda: matest.estimate(capture, uncertainty={"directoin": 0.1}))
 
 
 def test_images_left_out_are_those_of_the_capture() -> None:

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import cv2
 import numpy as np
 import pytest
 import torch
@@ -8,8 +7,9 @@ import trimesh
 from scipy.ndimage import binary_dilation, binary_erosion
 
 from matest.scene import Camera, Mesh
-from matest.scene.surface import fit_circle, from_mesh, from_normals, from_sphere
+from matest.scene.surface import from_mesh, from_normals, from_sphere
 from tests.captures import refusal
+from tests.scene.discs import disc
 
 ABOVE = Camera(position=(0, 0, 10), height=4.0)
 SQUARE = np.ones((3, 3), bool)
@@ -25,13 +25,6 @@ def plate(width: float, height: float) -> trimesh.Trimesh:
     half = width / 2
     corners = [(-half, -half, height), (half, -half, height), (half, half, height), (-half, half, height)]
     return trimesh.Trimesh(corners, [(0, 1, 2), (0, 2, 3)])
-
-
-def disc(shape: tuple[int, int], centre: tuple[float, float], radius: float, subpixels: int) -> np.ndarray:
-    """Share of each pixel covered by a disc, 0 to 1; with one sub-pixel a binary mask."""
-    rows, columns = (np.indices((shape[0] * subpixels, shape[1] * subpixels)) + 0.5) / subpixels
-    inside = np.hypot(columns - centre[0], rows - centre[1]) < radius
-    return inside.reshape(shape[0], subpixels, shape[1], subpixels).mean(axis=(1, 3))
 
 
 def near_outside(mask: np.ndarray, pixels: int) -> np.ndarray:
@@ -53,43 +46,6 @@ def test_sphere_pixels_are_those_with_their_centre_inside_the_circle_and_the_mas
     mask = np.indices((50, 60))[1] < 30
     surface = from_sphere((50, 60), (31.25, 22.5), 20.5, mask)
     np.testing.assert_array_equal(surface.mask, (disc((50, 60), (31.25, 22.5), 20.5, 1) > 0) & mask)
-
-
-@pytest.mark.parametrize(("subpixels", "tolerance"), [(16, 0.02), (1, 0.1)], ids=["anti-aliased", "binary"])
-def test_circle_fit_is_exact_to_a_fraction_of_a_pixel(subpixels, tolerance):
-    for centre, radius in [((50.3, 44.8), 36.6), ((48.0, 51.5), 20.25), ((60.77, 40.1), 30.0)]:
-        fitted, fitted_radius = fit_circle(disc((100, 110), centre, radius, subpixels))
-        np.testing.assert_allclose(fitted, centre, atol=tolerance)
-        assert fitted_radius == pytest.approx(radius, abs=tolerance)
-
-
-@pytest.mark.parametrize("subpixels", [1, 16])
-def test_a_cropped_sphere_is_fitted_by_the_edge_that_is_visible(subpixels):
-    fitted, radius = fit_circle(disc((100, 110), (95.2, 12.6), 40.4, subpixels))
-    np.testing.assert_allclose(fitted, (95.2, 12.6), atol=0.2)
-    assert radius == pytest.approx(40.4, abs=0.2)
-
-
-def test_circle_fit_takes_any_numeric_mask():
-    mask = disc((60, 60), (30.2, 29.9), 20.0, 8)
-    centre, radius = fit_circle(mask)
-    assert fit_circle(mask * 65535) == pytest.approx((pytest.approx(centre), pytest.approx(radius)))
-
-
-@pytest.mark.parametrize("shape", ["square", "ellipse", "two discs"])
-def test_a_mask_that_is_no_circle_is_refused(shape):
-    mask = np.zeros((120, 120), np.uint8)
-    if shape == "square":
-        mask[30:90, 30:90] = 1
-    elif shape == "ellipse":
-        mask = cv2.ellipse(mask, (60, 60), (50, 30), 0, 0, 360, 1, -1)
-    else:
-        mask = (disc((120, 120), (40, 60), 25, 1) + disc((120, 120), (80, 60), 25, 1) > 0).astype(np.uint8)
-    assert "circle" in refusal(lambda: fit_circle(mask))
-
-
-def test_a_mask_without_background_is_refused():
-    assert "edge" in refusal(lambda: fit_circle(np.ones((40, 40))))
 
 
 def test_rim_is_two_pixels_wide_along_the_silhouette():
