@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from matest.errors import InputError
+from matest.estimation.calibration import Calibration
 from matest.estimation.freeing import determined_by_images, widened
 from matest.estimation.options import AUTO, Options, Value
 from matest.estimation.prediction import relative_error
@@ -23,7 +24,7 @@ from matest.inference.error_bars import ErrorBars
 from matest.inference.posterior import judge, judge_to_first_order
 from matest.progress import Progress, silent
 from matest.samples import Samples
-from matest.samples.account import Account, AccountedSamples
+from matest.samples.account import Account, AccountedSamples, CalibratedSamples
 from matest.samples.uncertainty import Uncertainty
 
 if TYPE_CHECKING:
@@ -103,7 +104,9 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
             f"{capture.name}: no value lies inside the sensor's range and near the model: the object is saturated or "
             "black in every image. Photograph it with another exposure."
         )
-    posterior = judge(solution, samples)
+    calibration = Calibration.of(options, capture.uncertainty, samples, solution.problem)
+    solution = calibration.refine(solution, samples, options.seed, progress)
+    posterior = judge(solution, samples, budget=calibration.budget(solution, samples, options.seed))
     sentence = message(solution, posterior.bars, unread_samples(samples, solution))
     material = solution.problem.material(solution.unknowns)
     held_out = sorted({*options.holdout})
@@ -123,6 +126,7 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         skipped=skipped(samples, solution, len(held_out), selection.unsupported if selection else []),
         timing_s={**{stage: capture.timing.get(stage, 0.0) for stage in ("read", "geometry")}, "fit": fit_s},
         holdout=holdout,
+        nuisance=calibration.estimates(solution, posterior, samples),
         warnings=warnings(Context(samples, specification, solution, posterior, options.precision, said)),
     )
 
@@ -132,7 +136,7 @@ def _uncertainty(stated: Uncertainty | Mapping[str, Any] | None) -> Uncertainty:
     return stated if isinstance(stated, Uncertainty) else Uncertainty.of(stated or {})
 
 
-def _samples(capture: Capture, options: Options) -> AccountedSamples:
+def _samples(capture: Capture, options: Options) -> CalibratedSamples:
     """The samples that are fitted.
 
     Raises:

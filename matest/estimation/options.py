@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from matest.errors import InputError, errors_of
-from matest.samples.uncertainty import Uncertainty, families
+from matest.samples.uncertainty import NAMES, Uncertainty, families
 
 Value = float | Sequence[float]
 # The model name that asks `estimate` to choose the model.
@@ -60,6 +60,11 @@ class Options:
             raise InputError(f"--model {self.model}: auto takes one choice only, {AUTO_ANY_DISTRIBUTION}.")
         if self.seed < 0:
             raise InputError(f"--seed must not be negative; got {self.seed}.")
+
+    @property
+    def refines_all(self) -> bool:
+        """Whether every error of the calibration is to be estimated."""
+        return len(self.refine) == len(NAMES)
 
     @property
     def automatic(self) -> bool:

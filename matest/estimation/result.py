@@ -11,6 +11,7 @@ import torch
 
 from matest.brdf import Brdf, model
 from matest.errors import InputError
+from matest.estimation.calibration import NuisanceEstimate
 from matest.inference.quantities import ParameterEstimate
 
 SCHEMA = "matest.estimate/1"
@@ -83,6 +84,7 @@ class Estimate:
         fit: quality of the fit.
         relative: the common scale of the lights is unknown, and that of albedo-like parameters with it.
         candidates: models tried by `auto`.
+        nuisance: errors of the calibration that were refined or allowed for, by family.
         skipped: what was not computed, and why: components, samples, work.
         timing_s: seconds per stage.
         holdout: images left out of the fit and the error there.
@@ -100,6 +102,7 @@ class Estimate:
     fit: Fit
     relative: bool
     candidates: list[Candidate] = field(default_factory=list)
+    nuisance: dict[str, NuisanceEstimate] = field(default_factory=dict)
     skipped: dict[str, Any] = field(default_factory=dict)
     timing_s: dict[str, float] = field(default_factory=dict)
     holdout: dict[str, Any] | None = None
@@ -127,6 +130,7 @@ class Estimate:
             "correlation": {"names": self.labels, "matrix": self.correlation},
             "fit": asdict(self.fit),
             "candidates": [asdict(candidate) for candidate in self.candidates],
+            "nuisance": {name: asdict(errors) for name, errors in self.nuisance.items()},
             "skipped": self.skipped,
             "timing_s": self.timing_s,
         }

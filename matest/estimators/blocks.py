@@ -39,6 +39,7 @@ class Block:
         kind: how it enters the model.
         start: where it starts, and the mean of its prior.
         prior: standard deviation of a Gaussian prior about `start`; None: flat.
+        centred: whether the mean of the unknowns is `start`.
 
     Raises:
         ValueError: an axis that blocks of its kind cannot have.
@@ -50,6 +51,7 @@ class Block:
     kind: Kind = "parameter"
     start: float = 0.5
     prior: float | None = None
+    centred: bool = False
 
     def __post_init__(self) -> None:
         if self.axis not in _AXES[self.kind]:
@@ -69,15 +71,16 @@ def multipliers(name: str, axis: GroupAxis, prior: float | None) -> Block:
     return Block(name, non_negative, axis, "multiplier", start=1.0, prior=prior)
 
 
-def nuisance(family: Family, prior: float) -> Block:
+def nuisance(family: Family, prior: float, *, centred: bool = False) -> Block:
     """The unknown errors of a family.
 
     Args:
         family: of the calibration.
         prior: standard deviation of the error as a whole.
+        centred: whether they are 0 on average.
     """
     everywhere = Domain(-math.inf, math.inf)
-    return Block(family.name, everywhere, "family", "nuisance", start=0.0, prior=prior * family.spread)
+    return Block(family.name, everywhere, "family", "nuisance", start=0.0, prior=prior * family.spread, centred=centred)
 
 
 class Multiplier(NamedTuple):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -22,6 +22,8 @@ _WEAK_EIGENVALUE = 1e-3
 PARTICIPATES = 0.1
 # Share of the largest diagonal element of the information. A smaller element is rounding.
 _ROUNDING_INFORMATION = 1e-30
+# Share of the information on an unknown that other clusters than its own may have by rounding.
+_ALONE = 1e-9
 # Smallest number whose inverse root is finite in double precision, with a margin.
 _TINY = 1e-300
 
@@ -118,18 +120,24 @@ def jackknife(
     """Covariance from leaving out one cluster of correlated samples at a time.
 
     Args:
-        clusters: of correlated samples, at the solution, where gradients add up to (almost) zero.
+        clusters: of correlated samples, at the solution, where gradients of free parameters add up to (almost) zero.
         free: parameters not at a bound [P].
         resolve: gives the change of the parameters, inside their bounds, for a JᵀWJ and a JᵀWr.
     """
-    information, gradient = clusters.information, clusters.gradient
+    information, by_samples = clusters.information, replace(clusters, prior=None).information
+    # What the last step of a fit left of it would move a combination that only one cluster determines.
+    gradient = torch.where(free, 0.0, clusters.gradient)
     reference = fisher(information, free)
-    changes = torch.stack(
-        [
-            resolve(information - cluster.information, gradient - cluster.gradient)
-            for cluster in (clusters.only(position) for position in range(len(clusters)))
-        ]
-    )
+    changes = torch.zeros(len(clusters), len(information), dtype=torch.float64)
+    for position in range(len(clusters)):
+        cluster = clusters.only(position)
+        rest, pull = information - cluster.information, gradient - cluster.gradient
+        # Unknowns of this cluster alone, such as errors of its light, stay: only a prior would be left of them.
+        alone = cluster.information.diagonal() > (1 - _ALONE) * by_samples.diagonal()
+        rest[alone] = 0.0
+        rest[:, alone] = 0.0
+        rest[alone, alone] = 1.0
+        changes[position] = resolve(rest, torch.where(alone, 0.0, pull))
     changes = changes - changes.mean(0)
     count = len(changes)
     matrix = (count - 1) / count * changes.T @ changes

@@ -27,6 +27,8 @@ _SAMPLE_MARGIN = 1.2
 _MAX_GROWTH = 100.0
 # Above this share of all samples a subsample costs no less than a pass over all of them.
 _MAX_SUBSAMPLE_SHARE = 0.04
+# Passes over all samples with errors of the calibration: each costs several of those without.
+_CALIBRATED_PASSES = 8
 # χ² per value of a subsample that the model describes, with room for noise that was estimated from the photographs.
 _DESCRIBED_CHI2 = 1.1
 
@@ -98,7 +100,12 @@ def refine(pilot: Solution, samples: Samples) -> Solution:
     first = evaluate(reference)
     one_step = None if problem.separates else single_step(pilot, first)
     solution = one_step or minimise(
-        problem, reference, evaluate, passes=MAX_PASSES, tolerance=END_TOLERANCE, first=first
+        problem,
+        reference,
+        evaluate,
+        passes=_CALIBRATED_PASSES if problem.nuisances else MAX_PASSES,
+        tolerance=END_TOLERANCE,
+        first=first,
     )
     return replace(solution, residual_scale=residual_scale, tiles=tiles)
 

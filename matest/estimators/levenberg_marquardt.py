@@ -92,7 +92,8 @@ class _Step:
         change: of the unknowns [P].
         slope: rate at which χ² falls along it at its start.
         curvature: second-order term of the Gauss-Newton model, so that χ² drops by slope − curvature.
-        length: in standard errors, jointly: short along a direction that is hardly determined.
+        length: in standard errors, jointly: short along a direction that is hardly determined. Beside errors of the
+            calibration it is that of the other unknowns.
     """
 
     change: Tensor
@@ -105,7 +106,17 @@ def _step(problem: Problem, unknowns: Tensor, statistics: Statistics, damping: f
     information, gradient = statistics.information, statistics.gradient
     change = bounded_step(problem, unknowns, information, gradient, damping)
     curvature = float((change @ information @ change).clamp(min=0))
-    return _Step(change, float(2 * gradient @ change), curvature, math.sqrt(curvature / statistics.inflation))
+    squared_length = curvature
+    if problem.nuisances:
+        squared_length = _squared_length(change, information, problem.where[problem.nuisances[0].name].start)
+    return _Step(change, float(2 * gradient @ change), curvature, math.sqrt(squared_length / statistics.inflation))
+
+
+def _squared_length(change: Tensor, information: Tensor, count: int) -> float:
+    """The squared length of the change of the first `count` unknowns, whatever the others are."""
+    cross = information[:count, count:]
+    marginal = information[:count, :count] - cross @ torch.linalg.solve(information[count:, count:], cross.T)
+    return float((change[:count] @ marginal @ change[:count]).clamp(min=0))
 
 
 def bounded_step(

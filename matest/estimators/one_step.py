@@ -99,7 +99,7 @@ def single_step(start: Solution, statistics: Statistics) -> Solution | None:
     pilot = accumulate(problem, unknowns, in_memory(noise_free), None)
     if pilot.prior is not None:
         # Priors too lead to the step's end, as if they were about it.
-        pilot = replace(pilot, prior=replace(pilot.prior, pull=pilot.prior.precision * change))
+        pilot = replace(pilot, prior=replace(pilot.prior, below=change))
     miss = bounded_step(problem, unknowns, pilot.information, pilot.gradient) - change
     miss_length = _length(miss, statistics, end.inflation)
     if not miss_length < END_TOLERANCE:

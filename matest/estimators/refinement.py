@@ -63,12 +63,14 @@ def fit_calibrated(
     tiles = [Tile(join(samples.pilot(_PILOT_SAMPLES, seed)), cache={})]
     start = problem.unknowns_at({name: solution.problem.values(solution.unknowns)[name] for name in problem.free})
     unstated = {name: spread for name, spread in problem.spreads.items() if name not in stated}
-    pilot = follow(problem, start, tiles)
+    pilot = follow(replace(problem, inflation=solution.statistics.inflation), start, tiles)
     for _ in range(_MAX_ROUNDS):
+        before, inflation = pilot.problem, pilot.statistics.inflation
         spreads = _spreads(pilot, unstated)
-        if all(abs(spread / pilot.problem.spreads[name] - 1) < _SPREAD_CHANGE for name, spread in spreads.items()):
+        changes = [spread / before.spreads[name] for name, spread in spreads.items()]
+        if all(abs(change - 1) < _SPREAD_CHANGE for change in (*changes, inflation / before.inflation)):
             break
-        pilot = follow(pilot.problem.with_priors(spreads), pilot.unknowns, tiles)
+        pilot = follow(replace(before.with_priors(spreads), inflation=inflation), pilot.unknowns, tiles)
     progress("refining over all samples")
     return refine(replace(pilot, tiles=in_memory(tiles)), samples)
 
@@ -83,25 +85,24 @@ def _spreads(solution: Solution, assumed: Mapping[str, float]) -> dict[str, floa
         solution: with any spreads.
         assumed: spread of each of the families at first.
     """
-    problem, statistics, unknowns = solution.problem, solution.statistics, solution.unknowns
-    assert statistics.prior is not None
-    sizes = {name: problem.where[name].stop - problem.where[name].start for name in assumed}
-    names = [name for name, size in sizes.items() if size >= _MIN_UNKNOWNS]
-    free = ~at_bound(problem, unknowns, statistics.gradient)
-    by_samples = replace(statistics, prior=None)
-    information, gradient = by_samples.information, by_samples.gradient
-    precision = statistics.prior.precision.clone()
-    spreads = {name: problem.spreads[name] for name in names}
+    problem, unknowns, inflation = solution.problem, solution.unknowns, solution.statistics.inflation
+    by_samples = replace(solution.statistics, prior=None)
+    information, gradient = by_samples.information / inflation, by_samples.gradient / inflation
+    free = ~at_bound(problem, unknowns, solution.statistics.gradient)
+    # Of errors that are 0 on average one follows from the others.
+    counts = {block.name: problem.family(block.name).count - block.centred for block in problem.nuisances}
+    names = [name for name in assumed if counts[name] >= _MIN_UNKNOWNS]
     for _ in range(_MAX_SPREAD_STEPS):
-        before = dict(spreads)
-        covariance = fisher(information + precision.diag(), free).matrix
-        mean = unknowns + covariance @ (gradient - precision * unknowns)
+        before, precision = problem.spreads, problem.prior_precision
+        covariance = fisher(information + precision, free).matrix
+        mean = unknowns + covariance @ (gradient + precision @ (problem.anywhere - unknowns))
+        spreads = {}
         for name in names:
             place = problem.where[name]
-            determined = sizes[name] - float((precision * covariance.diagonal())[place].sum())
+            determined = counts[name] - float(covariance.diagonal()[place].sum()) / before[name] ** 2
             spread = math.sqrt(float(mean[place].square().sum()) / max(determined, _LEAST_DETERMINED))
             spreads[name] = min(max(spread, _LEAST_SPREAD * assumed[name]), _LARGEST_SPREAD * assumed[name])
-            precision[place] = spreads[name] ** -2
+        problem = problem.with_priors(spreads)
         if all(abs(spreads[name] / before[name] - 1) < _SPREAD_TOLERANCE for name in names):
             break
-    return spreads
+    return {name: problem.spreads[name] for name in names}

@@ -16,22 +16,26 @@ class PriorTerms:
     """Gaussian priors of the unknowns u [P] at a point: their terms add to the sums over the samples.
 
     Attributes:
-        precision: inverse variance of each unknown, 0 where there is no prior [P].
-        pull: precision times how far the point lies below the mean [P].
+        precision: inverse covariance, 0 for unknowns without a prior [P, P].
+        below: how far the point lies below the mean [P].
     """
 
     precision: Tensor
-    pull: Tensor
+    below: Tensor
 
     @property
     def cost(self) -> float:
         """Squared distance from the means, in standard deviations."""
-        informative = self.precision > 0
-        return float((self.pull[informative].square() / self.precision[informative]).sum())
+        return float(self.below @ self.pull)
+
+    @property
+    def pull(self) -> Tensor:
+        """Half the rate at which the cost falls with each unknown [P]."""
+        return self.precision @ self.below
 
     def moved(self, change: Tensor) -> PriorTerms:
         """The same where the unknowns have changed by this [P]."""
-        return replace(self, pull=self.pull - self.precision * change)
+        return replace(self, below=self.below - change)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +122,7 @@ class Statistics:
         else:
             total = torch.zeros(self.size, self.size, dtype=torch.float64)
             total.index_put_((self.places[:, :, None], self.places[:, None, :]), self.informations, accumulate=True)
-        return total if self.prior is None else total + self.prior.precision.diag()
+        return total if self.prior is None else total + self.prior.precision
 
     @property
     def gradient(self) -> Tensor:

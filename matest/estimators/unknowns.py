@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -17,6 +17,9 @@ from matest.estimators.statistics import PriorTerms
 from matest.parameters import Derived, Domain, Parameter, Role
 from matest.samples.calibration import Calibration, Family
 from matest.samples.groups import Groups
+
+# Standard deviation of the mean of a block that is centred, as a share of that of each of its unknowns.
+_CENTRED = 1e-3
 
 
 @dataclass(frozen=True)
@@ -36,6 +39,8 @@ class Problem:
         pinned: values that single unknowns are held at, by their position in u.
         groups: of the samples; multipliers need them.
         calibration: what its errors do to samples; nuisances need it, each of which is a family of it.
+        inflation: how many times as large as the noise variance squared residuals are. Priors count for as much more in
+            a cost in units of the noise.
     """
 
     brdf: Brdf
@@ -48,6 +53,7 @@ class Problem:
     pinned: Mapping[int, float] = field(default_factory=dict)
     groups: Groups = field(default_factory=Groups.single)
     calibration: Calibration | None = None
+    inflation: float = 1.0
 
     @classmethod
     def of(
@@ -100,20 +106,25 @@ class Problem:
         """The blocks of errors of the calibration."""
         return tuple(block for block in self.blocks if block.kind == "nuisance")
 
-    def calibrated(self, calibration: Calibration, priors: Mapping[str, float], groups: Groups) -> Problem:
+    def calibrated(
+        self, calibration: Calibration, priors: Mapping[str, float], groups: Groups, centred: Collection[str] = ()
+    ) -> Problem:
         """The same problem with the errors of a calibration among the unknowns.
 
         Args:
             calibration: what its errors do to the samples.
             priors: standard deviation of the errors of each family, by name.
             groups: of the samples.
+            centred: families whose errors are 0 on average, since something else stands for their mean.
 
         Raises:
             ValueError: there are multipliers too: errors of a calibration have families for what these stand for.
         """
         if self.multipliers:
             raise ValueError("multipliers and errors of a calibration cannot be estimated together.")
-        blocks = (nuisance(family, priors[family.name]) for family in calibration.families)
+        blocks = (
+            nuisance(family, priors[family.name], centred=family.name in centred) for family in calibration.families
+        )
         return replace(self, blocks=(*self._common, *blocks), calibration=calibration, groups=groups)
 
     def with_priors(self, priors: Mapping[str, float]) -> Problem:
@@ -318,8 +329,17 @@ class Problem:
         """The terms of the priors at u [P]; None where every block's is flat."""
         if all(block.prior is None for block in self.blocks):
             return None
-        precision = self._every([0.0 if block.prior is None else block.prior**-2 for block in self.blocks])
-        return PriorTerms(precision, precision * (self.anywhere - unknowns))
+        return PriorTerms(self.inflation * self.prior_precision, self.anywhere - unknowns)
+
+    @cached_property
+    def prior_precision(self) -> Tensor:
+        """Inverse covariance of the priors [P, P]."""
+        precision = self._every([0.0 if block.prior is None else block.prior**-2 for block in self.blocks]).diag()
+        for block in self.blocks:
+            if block.centred and block.prior is not None:
+                place, count = self.where[block.name], self._length(block)
+                precision[place, place] += (_CENTRED * block.prior * count) ** -2
+        return precision
 
     def values(self, unknowns: Tensor) -> dict[str, Tensor]:
         """Every parameter's value: a scalar, or [C]."""

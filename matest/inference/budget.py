@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -11,6 +11,11 @@ from torch import Tensor
 from matest.estimators import Problem, Solution, accumulate
 from matest.estimators.covariance import fisher
 from matest.estimators.statistics import Statistics
+from matest.samples import Samples
+from matest.samples.tiles import in_memory
+
+# Samples that are enough to say to some per cent how far an estimate moves.
+_SAMPLES = 60_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,19 +35,26 @@ class Budget:
     spreads: Mapping[str, float]
 
     @classmethod
-    def of(cls, statistics: Statistics, problem: Problem, names: Mapping[str, float]) -> Budget:
-        """From a pass over the samples of a problem with further families at the end.
+    def of(cls, statistics: Statistics, problem: Problem, spreads: Mapping[str, float], factor: float) -> Budget:
+        """From a pass over a part of the samples of a problem with further families at the end.
 
         Args:
             statistics: of the pass.
             problem: with the families.
-            names: the families that were not refined, with the standard deviation of their errors as a whole.
+            spreads: standard deviation of the errors of these families as a whole.
+            factor: by which there are more samples than those.
         """
-        information, size = statistics.information, problem.where[next(iter(names))].start
+        information, size = (
+            factor * replace(statistics, prior=None).information,
+            problem.where[next(iter(spreads))].start,
+        )
+        own = information[:size, :size]
+        if statistics.prior is not None:
+            own = own + statistics.prior.precision[:size, :size]
         return cls(
-            information=information[:size, :size],
-            cross={name: information[:size, problem.where[name]] for name in names},
-            spreads={name: spread * problem.family(name).spread for name, spread in names.items()},
+            information=own,
+            cross={name: information[:size, problem.where[name]] for name in spreads},
+            spreads={name: spread * problem.family(name).spread for name, spread in spreads.items()},
         )
 
     def covariances(self, free: Tensor) -> dict[str, Tensor]:
@@ -52,14 +64,17 @@ class Budget:
         return {name: move @ move.T for name, move in moves.items()}
 
 
-def budget(solution: Solution, problem: Problem, names: Mapping[str, float]) -> Budget:
-    """How a solution moves with errors of the calibration: one pass over its samples.
+def budget(solution: Solution, problem: Problem, spreads: Mapping[str, float], samples: Samples, seed: int) -> Budget:
+    """How a solution moves with errors of the calibration, from a random part of its samples.
 
     Args:
         solution: of the fit.
         problem: the solution's, with further families at the end.
-        names: these families, with the standard deviation of their errors as a whole.
+        spreads: standard deviation of the errors of these families as a whole.
+        samples: that were fitted.
+        seed: of the random draw.
     """
     unknowns = torch.cat([solution.unknowns, problem.anywhere[solution.problem.size :]])
-    statistics = accumulate(problem, unknowns, solution.tiles, unknowns, solution.residual_scale)
-    return Budget.of(statistics, problem, names)
+    batch = next(iter(samples.batches(_SAMPLES, shuffle=True, seed=seed)))
+    statistics = accumulate(problem, unknowns, in_memory([batch]), unknowns, solution.residual_scale)
+    return Budget.of(statistics, problem, spreads, len(samples) / len(batch))

@@ -43,8 +43,8 @@ class Expansion:
         """χ² about u [P], where squared residuals are `inflation` times the noise variance; priors are not scaled."""
         information, gradient = statistics.information / inflation, statistics.gradient / inflation
         if statistics.prior is not None:
-            rest = 1 - 1 / inflation
-            information = information + rest * torch.diag(statistics.prior.precision)
+            rest = 1 / problem.inflation - 1 / inflation
+            information = information + rest * statistics.prior.precision
             gradient = gradient + rest * statistics.prior.pull
         return cls(problem, unknowns, information, gradient)
 

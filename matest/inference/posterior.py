@@ -67,6 +67,8 @@ def judge(solution: Solution, samples: Samples, *, likelihood: bool = True, budg
         samples: that were fitted.
         likelihood: whether the fit maximised one; after another cost error bars come from leaving out groups.
         budget: how the solution moves with errors of the calibration; None: there are none.
+
+    With errors of the calibration among the unknowns, intervals are to first order.
     """
 
     @cache
@@ -74,6 +76,9 @@ def judge(solution: Solution, samples: Samples, *, likelihood: bool = True, budg
         return surroundings(solution.problem, solution.unknowns, solution.tiles, solution.residual_scale)
 
     expansion, bars = Expansion.of(solution), error_bars(solution, samples, likelihood, budget)
+    if solution.problem.nuisances:
+        # Profiles would refit all errors of the calibration at every value.
+        return _to_first_order(expansion, bars)
     lobes = lobes_not_seen(expansion, bars)
     valleys = valleys_about(solution, bars, lobes, around)
     first_order = verdicts_on(expansion, bars, lobes, valleys, Intervals())
@@ -136,7 +141,9 @@ def _nuisance(expansion: Expansion, bars: ErrorBars, verdicts: Sequence[Verdict]
     reach = quantile95(bars.covariance.degrees)
     for block in problem.nuisances:
         place, family = problem.where[block.name], problem.family(block.name)
-        values, stds = expansion.unknowns[place], bars.open.std[place]
+        values = expansion.unknowns[place]
+        # A jackknife leaves out an image together with what is unknown of it alone.
+        stds = torch.maximum(bars.open.std, expansion.covariance.std)[place]
         estimates[block.name] = ParameterEstimate(
             values.tolist(),
             stds.tolist(),

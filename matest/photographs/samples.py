@@ -13,7 +13,7 @@ from torch import Tensor
 from matest.parameters import Role
 from matest.photographs.averaging import slope_variance
 from matest.photographs.noise import Noise, quantisation
-from matest.photographs.nuisances import PhotographCalibration
+from matest.photographs.nuisances import NUISANCES, PhotographCalibration
 from matest.photographs.photometry import Encoding
 from matest.photographs.pilot import pilot
 from matest.photographs.pixels import BLOCKS, LitPixels
@@ -58,6 +58,16 @@ class PhotographSamples(LitPixels):
         """Whether every photograph has one light, and no light of the sky."""
         scene = self.photographs.scene
         return not bool((scene.ambient > 0).any()) and all(len(lights) == 1 for lights in scene.lights)
+
+    @property
+    def calibration_names(self) -> list[str]:
+        """The kinds of errors of a calibration that have an effect on these photographs."""
+        surface, scene = self.photographs.scene.surface, self.photographs.scene
+        # A sphere looks the same from all sides.
+        idle = {"tilt"} if surface.convex else set()
+        if not any(scene.lights[image] for image in self.images):
+            idle |= {"direction", "rotation", "intensity", "ambient"}
+        return [name for name in NUISANCES if name not in idle]
 
     def calibration(self, names: Sequence[str]) -> PhotographCalibration:
         """The errors of the calibration of these kinds (`NUISANCES`), and what they do to the samples."""

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from matest.samples.calibration import Calibration
 from matest.samples.redundancy import Redundancy
 from matest.samples.source import Samples
 
@@ -54,3 +55,17 @@ class AccountedSamples(Samples, Protocol):
 
     @property
     def account(self) -> Account: ...
+
+
+class CalibratedSamples(AccountedSamples, Protocol):
+    """Samples whose calibration may have errors.
+
+    Attributes:
+        calibration_names: of the kinds of errors that have an effect on them.
+    """
+
+    @property
+    def calibration_names(self) -> Sequence[str]: ...
+
+    def calibration(self, names: Sequence[str]) -> Calibration:
+        """The errors of some kinds, in the order of their unknowns, and what they do to the samples."""

@@ -1,0 +1,180 @@
+"""Errors of the calibration that an estimate refines, or only allows for in its error bars."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from matest.errors import InputError
+from matest.estimation.options import Options
+from matest.estimators import Problem, Solution
+from matest.estimators.calibrated import body_albedos
+from matest.estimators.refinement import fit_calibrated
+from matest.inference.budget import Budget, budget
+from matest.inference.posterior import Posterior
+from matest.inference.quantities import Number
+from matest.progress import Progress
+from matest.samples.account import CalibratedSamples
+from matest.samples.uncertainty import Uncertainty
+
+# Families of unknowns that a name of the user's stands for, where it is not that of the one family.
+_FAMILIES = {"pose": ("shift", "tilt"), "albedo": ("albedo_field",)}
+# What one standard deviation of the errors of a family is taken for where nobody states it, in their own units. The
+# samples correct that of a family of many unknowns; for the others it only has to be wide.
+_ASSUMED = {
+    "direction": 0.01,  # rad
+    "rotation": 0.02,  # rad
+    "intensity": 0.03,
+    "exposure": 0.03,
+    "scale": 0.1,
+    "ambient": 0.05,
+    "black": 0.02,
+    "vignetting": 0.2,
+    "transfer": 0.1,
+    "shift": 2.0,  # px
+    "tilt": 0.02,  # rad
+    "radius": 2.0,  # px
+    "normals": 0.02,  # rad
+    "albedo_field": 0.1,
+    "blur": 1.0,  # px²
+}
+# Families that "all" stands for; what the others do, these can do too.
+_TOGETHER = (
+    "shift",
+    "radius",
+    "tilt",
+    "normals",
+    "albedo_field",
+    "direction",
+    "intensity",
+    "ambient",
+    "vignetting",
+    "transfer",
+    "black",
+    "blur",
+)
+
+
+@dataclass(frozen=True)
+class NuisanceEstimate:
+    """The errors of one family of the calibration.
+
+    Attributes:
+        value: of each; None: they were not refined.
+        std: standard errors; None likewise.
+        prior_std: one standard deviation of each before the fit.
+        refined: whether they were estimated with the material.
+        stated: whether somebody stated their standard deviation.
+        unit: "1", "rad", "px", "px²".
+        doc: what they are.
+    """
+
+    value: Number
+    std: Number
+    prior_std: float
+    refined: bool
+    stated: bool
+    unit: str
+    doc: str
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """Which errors an estimate reckons with.
+
+    Attributes:
+        stated: standard deviation of the errors of every family that is stated.
+        refined: standard deviation of those of the families to refine, stated or assumed.
+    """
+
+    stated: Mapping[str, float]
+    refined: Mapping[str, float]
+
+    @classmethod
+    def of(cls, options: Options, capture: Uncertainty, samples: CalibratedSamples, problem: Problem) -> Calibration:
+        """What options and capture say, as far as it has an effect on samples of a problem.
+
+        Raises:
+            InputError: errors to refine that have none.
+        """
+        possible = [name for name in samples.calibration_names if _has_effect(name, problem)]
+        given = _spreads(capture.merged(options.uncertainty))
+        stated = {name: spread for name, spread in given.items() if name in possible}
+        if options.refines_all:
+            names: Sequence[str] = [name for name in possible if name in _TOGETHER or name in stated]
+        else:
+            names = [name for word in options.refine for name in _FAMILIES.get(word, (word,)) if name in possible]
+            if missing := [word for word in options.refine if not {*_FAMILIES.get(word, (word,))} & {*names}]:
+                raise InputError(f"--refine {missing[0]}: {_REASONS.get(missing[0], _NO_EFFECT)}")
+        return cls(stated, {name: stated.get(name, _ASSUMED[name]) for name in names})
+
+    def refine(self, solution: Solution, samples: CalibratedSamples, seed: int, progress: Progress) -> Solution:
+        """The solution with the errors of the families to refine among the unknowns."""
+        if not self.refined:
+            return solution
+        families = samples.calibration([*self.refined])
+        problem = solution.problem.calibrated(families, self.refined, samples.groups, _centred(samples))
+        return fit_calibrated(problem, solution, samples, seed, [*self.stated], progress)
+
+    def budget(self, solution: Solution, samples: CalibratedSamples, seed: int) -> Budget | None:
+        """How a solution moves with the errors that are stated and were not refined; None: there are none."""
+        rest = {name: spread for name, spread in self.stated.items() if name not in self.refined}
+        if not rest:
+            return None
+        families = samples.calibration([*self.refined, *rest])
+        spreads = {**self.refined, **rest}
+        problem = solution.problem.calibrated(families, spreads, samples.groups, _centred(samples))
+        return budget(solution, problem.with_priors(solution.problem.spreads), rest, samples, seed)
+
+    def estimates(
+        self, solution: Solution, posterior: Posterior, samples: CalibratedSamples
+    ) -> dict[str, NuisanceEstimate]:
+        """The errors of every family that was refined or allowed for."""
+        out = {}
+        for family in samples.calibration(
+            [*self.refined, *(name for name in self.stated if name not in self.refined)]
+        ).families:
+            estimate = posterior.nuisance.get(family.name)
+            spread = solution.problem.spreads.get(family.name, self.stated.get(family.name, 0.0) * family.spread)
+            out[family.name] = NuisanceEstimate(
+                value=None if estimate is None else estimate.value,
+                std=None if estimate is None else estimate.std,
+                prior_std=spread,
+                refined=estimate is not None,
+                stated=family.name in self.stated,
+                unit=family.unit,
+                doc=family.doc,
+            )
+        return out
+
+
+# Why some errors cannot be refined.
+_NO_EFFECT = "it has no effect on these photographs of this model; leave it out."
+_REASONS = {
+    "normal_noise": "errors of the normals of single pixels are no unknowns; --refine normals has those of a smooth "
+    "field.",
+    "albedo": "the model has no diffuse body whose albedo could vary; leave it out.",
+}
+
+
+def _spreads(uncertainty: Uncertainty) -> dict[str, float]:
+    """The standard deviations that are stated, by family, in the units of its unknowns."""
+    spreads = {}
+    for name, value in uncertainty.stated.items():
+        numbers = value if isinstance(value, tuple) else (value,)
+        for family, number in zip(_FAMILIES.get(name, (name,)), numbers, strict=True):
+            # The unknown of the blur is a variance.
+            spreads[family] = number**2 if family == "blur" else number
+    return spreads
+
+
+def _centred(samples: CalibratedSamples) -> tuple[str, ...]:
+    """Families whose mean is part of the unknown scale of the lights."""
+    return ("intensity", "exposure") if samples.relative else ()
+
+
+def _has_effect(name: str, problem: Problem) -> bool:
+    """Whether errors of a family change what a model predicts, and can be computed."""
+    if name == "albedo_field":
+        return bool(body_albedos(problem.brdf))
+    return name != "ambient" or not problem.brdf.structure.anisotropic
