@@ -16,6 +16,7 @@ SUITES = {
     "efficiency": "errors on 2,000 simulated captures a model against the Cramér-Rao bound",
     "outliers": "the same with spoilt pixels",
     "selection": "the components that auto finds, and its time against naming the model",
+    "calibration": "errors that a calibration off by little causes: as they are, stated, and estimated",
     "estimate": "time of 12 photographs of a megapixel against decoding them",
     "peers": "time to 1 % against other solvers",
     "frontier": "error of every solver over time",

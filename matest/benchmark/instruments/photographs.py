@@ -239,8 +239,13 @@ def sphere(size: int) -> Surface:
 @lru_cache(maxsize=1)
 def vase(size: int) -> Surface:
     """A vase that casts shadows on itself, its axis upright, in square images of `size` pixels."""
+    return turned_vase(size, np.eye(3))
+
+
+def turned_vase(size: int, rotation: np.ndarray) -> Surface:
+    """The same vase turned about its middle by a matrix [3, 3]."""
     solid = _revolved()
-    mesh = Mesh(np.asarray(solid.vertices), np.asarray(solid.faces))
+    mesh = Mesh(np.asarray(solid.vertices) @ rotation.T, np.asarray(solid.faces))
     return from_mesh(mesh, Camera(position=(0.0, 0.0, 5.0), height=_VASE_HEIGHT), (size, size))
 
 

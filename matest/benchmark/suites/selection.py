@@ -217,4 +217,4 @@ def table(records: Sequence[Record]) -> Group:
     return page(about, listed("material", metrics, cases), "", Text(legend), records=records)
 
 
-SUITE = Suite(measure, table, share=150)
+SUITE = Suite(measure, table, share=90)
