@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
@@ -120,20 +120,22 @@ def jackknife(
     """Covariance from leaving out one cluster of correlated samples at a time.
 
     Args:
-        clusters: of correlated samples, at the solution, where gradients of free parameters add up to (almost) zero.
+        clusters: of correlated samples, at the solution, where gradients add up to (almost) zero.
         free: parameters not at a bound [P].
         resolve: gives the change of the parameters, inside their bounds, for a JᵀWJ and a JᵀWr.
     """
-    information, by_samples = clusters.information, replace(clusters, prior=None).information
-    # What the last step of a fit left of it would move a combination that only one cluster determines.
-    gradient = torch.where(free, 0.0, clusters.gradient)
+    information, gradient = clusters.information, clusters.gradient
+    by_samples, has_prior = information.diagonal(), torch.zeros(len(information), dtype=torch.bool)
+    if clusters.prior is not None:
+        precision = clusters.prior.precision.diagonal()
+        by_samples, has_prior = by_samples - precision, precision > 0
     reference = fisher(information, free)
     changes = torch.zeros(len(clusters), len(information), dtype=torch.float64)
     for position in range(len(clusters)):
         cluster = clusters.only(position)
         rest, pull = information - cluster.information, gradient - cluster.gradient
-        # Unknowns of this cluster alone, such as errors of its light, stay: only a prior would be left of them.
-        alone = cluster.information.diagonal() > (1 - _ALONE) * by_samples.diagonal()
+        # Unknowns of this cluster alone, such as errors of its light, stay: only the prior would be left of them.
+        alone = has_prior & (cluster.information.diagonal() > (1 - _ALONE) * by_samples)
         rest[alone] = 0.0
         rest[:, alone] = 0.0
         rest[alone, alone] = 1.0
