@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from matest.errors import InputError
@@ -100,10 +100,11 @@ class Calibration:
         possible = [name for name in samples.calibration_names if _has_effect(name, problem)]
         given = _spreads(capture.merged(options.uncertainty))
         stated = {name: spread for name, spread in given.items() if name in possible}
+        refinable = [name for name in possible if name in _ASSUMED]
         if options.refines_all:
-            names: Sequence[str] = [name for name in possible if name in _TOGETHER or name in stated]
+            names = [name for name in refinable if name in _TOGETHER or name in stated]
         else:
-            names = [name for word in options.refine for name in _FAMILIES.get(word, (word,)) if name in possible]
+            names = [name for word in options.refine for name in _FAMILIES.get(word, (word,)) if name in refinable]
             if missing := [word for word in options.refine if not {*_FAMILIES.get(word, (word,))} & {*names}]:
                 raise InputError(f"--refine {missing[0]}: {_REASONS.get(missing[0], _NO_EFFECT)}")
         return cls(stated, {name: stated.get(name, _ASSUMED[name]) for name in names})

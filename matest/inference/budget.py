@@ -9,13 +9,16 @@ import torch
 from torch import Tensor
 
 from matest.estimators import Problem, Solution, accumulate
+from matest.estimators.calibrated import CalibratedModel
 from matest.estimators.covariance import fisher
-from matest.estimators.statistics import Statistics
-from matest.samples import Samples
+from matest.samples import Tile
+from matest.samples.account import CalibratedSamples
 from matest.samples.tiles import in_memory
 
 # Samples that are enough to say to some per cent how far an estimate moves.
 _SAMPLES = 60_000
+# Pixels, with the samples of all images at each, that say the same of errors of single pixels.
+_PIXELS = 4_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,45 +29,21 @@ class Budget:
 
     Attributes:
         information: A, with the precision of priors [P, P].
-        cross: JᵀWN for the unknowns of each family, by name [P, k].
-        spreads: standard deviation of each unknown of each family, by name.
+        scatters: covariance of JᵀWNν under the errors of each family, by name [P, P].
     """
 
     information: Tensor
-    cross: Mapping[str, Tensor]
-    spreads: Mapping[str, float]
-
-    @classmethod
-    def of(cls, statistics: Statistics, problem: Problem, spreads: Mapping[str, float], factor: float) -> Budget:
-        """From a pass over a part of the samples of a problem with further families at the end.
-
-        Args:
-            statistics: of the pass.
-            problem: with the families.
-            spreads: standard deviation of the errors of these families as a whole.
-            factor: by which there are more samples than those.
-        """
-        information, size = (
-            factor * replace(statistics, prior=None).information,
-            problem.where[next(iter(spreads))].start,
-        )
-        own = information[:size, :size]
-        if statistics.prior is not None:
-            own = own + statistics.prior.precision[:size, :size]
-        return cls(
-            information=own,
-            cross={name: information[:size, problem.where[name]] for name in spreads},
-            spreads={name: spread * problem.family(name).spread for name, spread in spreads.items()},
-        )
+    scatters: Mapping[str, Tensor]
 
     def covariances(self, free: Tensor) -> dict[str, Tensor]:
         """The covariance [P, P] that each family adds, where some unknowns [P] are free to move."""
         inverse = fisher(self.information, free).matrix
-        moves = {name: self.spreads[name] * inverse @ cross for name, cross in self.cross.items()}
-        return {name: move @ move.T for name, move in moves.items()}
+        return {name: inverse @ scatter @ inverse for name, scatter in self.scatters.items()}
 
 
-def budget(solution: Solution, problem: Problem, spreads: Mapping[str, float], samples: Samples, seed: int) -> Budget:
+def budget(
+    solution: Solution, problem: Problem, spreads: Mapping[str, float], samples: CalibratedSamples, seed: int
+) -> Budget:
     """How a solution moves with errors of the calibration, from a random part of its samples.
 
     Args:
@@ -74,7 +53,61 @@ def budget(solution: Solution, problem: Problem, spreads: Mapping[str, float], s
         samples: that were fitted.
         seed: of the random draw.
     """
-    unknowns = torch.cat([solution.unknowns, problem.anywhere[solution.problem.size :]])
+    size = solution.problem.size
+    unknowns = torch.cat([solution.unknowns, problem.anywhere[size:]])
     batch = next(iter(samples.batches(_SAMPLES, shuffle=True, seed=seed)))
+    factor = len(samples) / len(batch)
     statistics = accumulate(problem, unknowns, in_memory([batch]), unknowns, solution.residual_scale)
-    return Budget.of(statistics, problem, spreads, len(samples) / len(batch))
+    sums = factor * replace(statistics, prior=None).information
+    scatters = {}
+    for name, spread in spreads.items():
+        family = problem.family(name)
+        if family.of_pixels:
+            scatters[name] = _scatter_by_pixel(solution, problem, name, spread, unknowns, samples, seed)
+        else:
+            cross = spread * family.spread * sums[:size, problem.where[name]]
+            scatters[name] = cross @ cross.T
+    prior = solution.problem.prior_terms(solution.unknowns)
+    return Budget(sums[:size, :size] + (0.0 if prior is None else prior.precision), scatters)
+
+
+def _scatter_by_pixel(
+    solution: Solution,
+    problem: Problem,
+    name: str,
+    spread: float,
+    unknowns: Tensor,
+    samples: CalibratedSamples,
+    seed: int,
+) -> Tensor:
+    """Mean square [P, P] of JᵀWNν where each pixel of the object has errors ν of its own.
+
+    They are the same in all images: scores are added up pixel by pixel before they are squared. To second order errors
+    that are 0 on average still change the mean radiance, as a rougher surface would.
+    """
+    size, errors = solution.problem.size, problem.where[name]
+    batch, factor = samples.of_pixels(_PIXELS, seed)
+    assert batch.pixels is not None
+    tangent = CalibratedModel(problem, unknowns).tangent(batch)
+    weight = Tile(batch).about(tangent.radiance, solution.residual_scale).weight.T[:, None]
+    places = problem.places[problem.groups.group_of(batch)]
+    _, pixel = batch.pixels.unique(return_inverse=True)
+
+    def scores(change: Tensor) -> Tensor:
+        """JᵀW times a change of the radiance [C, n], pixel by pixel [m, P]."""
+        by_sample = (tangent.jacobian * weight * change[:, None]).sum(0).double().T
+        out = torch.zeros(int(pixel.max()) + 1, problem.size, dtype=torch.float64)
+        return out.index_put_((pixel[:, None].expand_as(places), places), by_sample, accumulate=True)[:, :size]
+
+    own = ((places[0] >= errors.start) & (places[0] < errors.stop)).nonzero()[:, 0]
+    total = torch.zeros(size, size, dtype=torch.float64)
+    bend = torch.zeros_like(tangent.radiance)
+    for column, position in zip(own.tolist(), range(errors.start, errors.stop), strict=True):
+        by_pixel = spread * scores(tangent.jacobian[:, column])
+        total += factor * by_pixel.T @ by_pixel
+        for sign in (1, -1):
+            moved = unknowns.clone()
+            moved[position] += sign * spread
+            bend += (CalibratedModel(problem, moved).radiance(batch) - tangent.radiance) / 2
+    mean = factor * scores(bend.T).sum(0)
+    return total + mean[:, None] * mean

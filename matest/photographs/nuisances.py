@@ -203,6 +203,18 @@ class Normals:
         world.normals = world.normals + along[:, :1] * first + along[:, 1:] * second
 
 
+class NormalNoise:
+    """Errors of the normal of each pixel by itself, along two directions across it."""
+
+    def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
+        doc = "errors of the normal of each pixel, along two directions across it"
+        return Family("normal_noise", "rad", doc, 2, _common(groups, 2), of_pixels=True)
+
+    def act(self, world: World, values: Tensor, worlds: Worlds) -> None:  # noqa: ARG002
+        first, second = _across(world.normals)
+        world.normals = world.normals + values[:, :1] * first + values[:, 1:] * second
+
+
 class AlbedoField:
     """A smooth field of the body's albedo: the logarithm of a factor, of mean 0 over the object."""
 
@@ -232,6 +244,7 @@ NUISANCES: dict[str, Nuisance] = {
     "radius": Radius(),
     "tilt": Tilt(),
     "normals": Normals(),
+    "normal_noise": NormalNoise(),
     "albedo_field": AlbedoField(),
     "direction": Direction(),
     "rotation": Rotation(),

@@ -73,6 +73,13 @@ class PhotographSamples(LitPixels):
         """The errors of the calibration of these kinds (`NUISANCES`), and what they do to the samples."""
         return PhotographCalibration(self, self.groups, names)
 
+    def of_pixels(self, count: int, seed: int) -> tuple[Batch, float]:
+        """All samples at about `count` random pixels of the surface, and by how much there are more of them."""
+        total = len(self.photographs.scene.surface)
+        some = np.sort(np.random.default_rng(seed).permutation(total)[:count])
+        parts = [self.at(position, some[self.usable_at(position, some)]) for position in range(len(self.images))]
+        return join([part for part in parts if len(part)]), total / len(some)
+
     def optics(self, quantity: Role) -> Tensor | None:
         return self.photographs.scene.optics(quantity)
 

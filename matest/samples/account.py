@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from matest.samples.batch import Batch
 from matest.samples.calibration import Calibration
 from matest.samples.redundancy import Redundancy
 from matest.samples.source import Samples
@@ -69,3 +70,6 @@ class CalibratedSamples(AccountedSamples, Protocol):
 
     def calibration(self, names: Sequence[str]) -> Calibration:
         """The errors of some kinds, in the order of their unknowns, and what they do to the samples."""
+
+    def of_pixels(self, count: int, seed: int) -> tuple[Batch, float]:
+        """All samples at about `count` random pixels of the object, and by how much there are more of them."""

@@ -27,6 +27,7 @@ class Family:
         count: number of unknowns.
         places: of the q unknowns that samples of each group depend on, int64 [G, q].
         spread: what their standard deviation has to be for the error as a whole to have one of 1.
+        of_pixels: whether every pixel of an object has errors of its own; the unknowns are then those of one pixel.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Family:
     count: int
     places: Tensor
     spread: float = 1.0
+    of_pixels: bool = False
 
     @property
     def width(self) -> int:
