@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from matest.errors import InputError
 from matest.estimation.options import Options
 from matest.estimators import Problem, Solution
 from matest.estimators.calibrated import body_albedos
-from matest.estimators.refinement import fit_calibrated
+from matest.estimators.refinement import MIN_UNKNOWNS, fit_calibrated
 from matest.inference.budget import Budget, budget
 from matest.inference.posterior import Posterior
 from matest.inference.quantities import Number
 from matest.progress import Progress
 from matest.samples.account import CalibratedSamples
+from matest.samples.calibration import Family
 from matest.samples.uncertainty import Uncertainty
 
 # Families of unknowns that a name of the user's stands for, where it is not that of the one family.
@@ -38,6 +39,8 @@ _ASSUMED = {
     "albedo_field": 0.1,
     "blur": 1.0,  # px²
 }
+# Share of the variance of an estimate above which it is mostly due to one family.
+MOSTLY = 0.5
 # Families that "all" stands for; what the others do, these can do too.
 _TOGETHER = (
     "shift",
@@ -62,20 +65,31 @@ class NuisanceEstimate:
     Attributes:
         value: of each; None: they were not refined.
         std: standard errors; None likewise.
-        prior_std: one standard deviation of each before the fit.
+        size: rms of the errors as a whole; None likewise.
+        prior_std: one standard deviation of the errors as a whole, beside the fit.
+        origin: of that: "stated", "estimated" from the errors themselves, or "assumed".
         refined: whether they were estimated with the material.
-        stated: whether somebody stated their standard deviation.
         unit: "1", "rad", "px", "px²".
         doc: what they are.
+        adds: standard error that those that were not refined add to each parameter, by name.
+        limits: the parameters whose variance is mostly theirs.
     """
 
     value: Number
     std: Number
+    size: float | None
     prior_std: float
+    origin: str
     refined: bool
-    stated: bool
     unit: str
     doc: str
+    adds: dict[str, Number] = field(default_factory=dict)
+    limits: list[str] = field(default_factory=list)
+
+    @property
+    def count(self) -> int:
+        """Number of errors that were refined."""
+        return len(self.value) if isinstance(self.value, list) else 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,22 +145,50 @@ class Calibration:
         self, solution: Solution, posterior: Posterior, samples: CalibratedSamples
     ) -> dict[str, NuisanceEstimate]:
         """The errors of every family that was refined or allowed for."""
-        out = {}
-        for family in samples.calibration(
-            [*self.refined, *(name for name in self.stated if name not in self.refined)]
-        ).families:
-            estimate = posterior.nuisance.get(family.name)
-            spread = solution.problem.spreads.get(family.name, self.stated.get(family.name, 0.0) * family.spread)
-            out[family.name] = NuisanceEstimate(
-                value=None if estimate is None else estimate.value,
-                std=None if estimate is None else estimate.std,
-                prior_std=spread,
-                refined=estimate is not None,
-                stated=family.name in self.stated,
-                unit=family.unit,
-                doc=family.doc,
-            )
-        return out
+        rest = [name for name in self.stated if name not in self.refined]
+        families = samples.calibration([*self.refined, *rest]).families
+        return {family.name: self._estimate(family, solution, posterior) for family in families}
+
+    def _estimate(self, family: Family, solution: Solution, posterior: Posterior) -> NuisanceEstimate:
+        """The errors of one family."""
+        name, estimate, size = family.name, posterior.nuisance.get(family.name), None
+        spread = self.stated.get(name, 0.0)
+        origin = "stated"
+        if estimate is not None:
+            spread = solution.problem.spreads[name] / family.spread
+            if name not in self.stated:
+                origin = "estimated" if family.count >= MIN_UNKNOWNS else "assumed"
+            errors = solution.unknowns[solution.problem.where[name]]
+            size = float(errors.square().mean().sqrt()) / family.spread
+        adds, limits = _part_of_error_bars(posterior, name)
+        return NuisanceEstimate(
+            value=None if estimate is None else estimate.value,
+            std=None if estimate is None else estimate.std,
+            size=size,
+            prior_std=spread,
+            origin=origin,
+            refined=estimate is not None,
+            unit=family.unit,
+            doc=family.doc,
+            adds=adds,
+            limits=limits,
+        )
+
+
+def _part_of_error_bars(posterior: Posterior, family: str) -> tuple[dict[str, Number], list[str]]:
+    """The standard error that a family adds to each determined parameter, and those of which it is most."""
+    share, problem = posterior.bars.shares.get(family), posterior.problem
+    if share is None:
+        return {}, []
+    adds: dict[str, Number] = {}
+    limits = []
+    for name in problem.free:
+        if posterior.estimates[name].status == "determined":
+            part, whole = share[problem.where[name]], posterior.bars.covariance.std[problem.where[name]]
+            adds[name] = part.tolist() if len(part) > 1 else float(part)
+            if bool((part.square() > MOSTLY * whole.square()).any()):
+                limits.append(name)
+    return adds, limits
 
 
 # Why some errors cannot be refined.

@@ -22,6 +22,8 @@ def message(solution: Solution, bars: ErrorBars, unread: int) -> str:
             + ("." if bars.holds else f", and the model does not hold to the noise ({bars.reason}).")
         )
     outcome = "Converged to the precision asked for on a subsample" if unread else "Converged"
+    if solution.problem.nuisances:
+        outcome += ", errors of the calibration refined"
     if bars.holds:
         return f"{outcome}; the model describes the images to their noise (reduced χ² {bars.chi2:.2f})."
     if bars.kind == "fisher":

@@ -205,6 +205,16 @@ def _poor_fit(context: Context) -> Iterator[str]:
         )
 
 
+def _calibration_does_not_explain(context: Context) -> Iterator[str]:
+    """Errors of the calibration were refined, and the misfit is not theirs: they bend to explain what they can."""
+    names = [block.name for block in context.solution.problem.nuisances]
+    if names and not context.posterior.bars.holds:
+        yield (
+            f"The model does not hold with errors of {' and '.join(names)} refined either: what they and the "
+            "parameters are may be wrong in a way that no error bar shows; look for another cause, or another model."
+        )
+
+
 def _seen_together(context: Context) -> Iterator[str]:
     if names := context.seen_together:
         yield (
@@ -302,6 +312,7 @@ RULES: tuple[Rule, ...] = (
     _empty_images,
     _outliers,
     _poor_fit,
+    _calibration_does_not_explain,
     _seen_together,
     _not_determined,
     _lobes_not_seen,

@@ -28,7 +28,7 @@ _MAX_SPREAD_STEPS = 100
 # Relative change of the spreads at which these steps end.
 _SPREAD_TOLERANCE = 0.01
 # Unknowns of a family that say how large its errors are; with fewer their spread is the one assumed.
-_MIN_UNKNOWNS = 4
+MIN_UNKNOWNS = 4
 # Share of the assumed spread below which an estimated one is nothing.
 _LEAST_SPREAD = 1e-3
 # Multiple of the assumed spread above which an estimated one is no error of a calibration any more.
@@ -91,7 +91,7 @@ def _spreads(solution: Solution, assumed: Mapping[str, float]) -> dict[str, floa
     free = ~at_bound(problem, unknowns, solution.statistics.gradient)
     # Of errors that are 0 on average one follows from the others.
     counts = {block.name: problem.family(block.name).count - block.centred for block in problem.nuisances}
-    names = [name for name in assumed if counts[name] >= _MIN_UNKNOWNS]
+    names = [name for name in assumed if counts[name] >= MIN_UNKNOWNS]
     for _ in range(_MAX_SPREAD_STEPS):
         before, precision = problem.spreads, problem.prior_precision
         covariance = fisher(information + precision, free).matrix

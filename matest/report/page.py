@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from html import escape
 
 from matest.estimation.result import Estimate
+from matest.report import calibration
 from matest.report.format import CANDIDATES_TITLE, PARAMETER_COLUMNS, channel_names, chi2, rows, share, stages
 from matest.report.pictures import RESIDUAL_RANGE
 
@@ -37,6 +38,7 @@ def page(estimate: Estimate, files: list[str], step: int | None = 1) -> str:
     """
     sections = (
         parameters(estimate),
+        _calibration(estimate),
         _fit(estimate),
         _holdout(estimate, files),
         candidates(estimate),
@@ -74,6 +76,15 @@ def parameters(estimate: Estimate) -> str:
             *(f'<p class="warning">{escape(warning)}</p>' for warning in estimate.warnings),
         ]
     )
+
+
+def _calibration(estimate: Estimate) -> str:
+    """Errors of the calibration; empty where none were refined or allowed for."""
+    if not estimate.nuisance:
+        return ""
+    body = [(*cells, estimate.nuisance[cells[0]].doc) for cells in calibration.error_rows(estimate)]
+    table = html_table((*calibration.COLUMNS, "meaning"), body)
+    return f"<h2>{calibration.TITLE}</h2>\n<p>{calibration.LEGEND}</p>\n{table}"
 
 
 def _fit(estimate: Estimate) -> str:

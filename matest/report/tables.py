@@ -17,6 +17,7 @@ from matest.estimation.result import Estimate
 from matest.estimation.table_fit import Misfit, TableFit
 from matest.parameters import options_of, parameters_of
 from matest.profiles import Comparison
+from matest.report import calibration
 from matest.report.format import (
     CANDIDATES_TITLE,
     MISFIT_COLUMNS,
@@ -75,11 +76,20 @@ def estimate_table(estimate: Estimate) -> Group:
     return Group(
         *([_candidates(estimate)] if estimate.candidates else []),
         table,
+        *([_calibration(estimate)] if estimate.nuisance else []),
         Text(estimate.fit.message),
         Text(_errors(estimate)),
         *(Text(f"Note: {warning}", style="yellow") for warning in estimate.warnings),
         Text(stages(estimate.timing_s), style="dim"),
     )
+
+
+def _calibration(estimate: Estimate) -> Table:
+    """Errors of the calibration, and what they are of the error bars."""
+    table = plain_table(*calibration.COLUMNS, title=calibration.TITLE)
+    for cells in calibration.error_rows(estimate):
+        table.add_row(*cells)
+    return table
 
 
 def _errors(estimate: Estimate) -> str:
