@@ -13,8 +13,8 @@ from matest.report.format import measured
 COLUMNS = ("error of", "size", "one standard deviation", "of the error bars")
 TITLE = "Errors of the calibration"
 LEGEND = (
-    "Size: as estimated with the material, of several the rms of the error; error bars allow for errors that were not refined. "
-    "Last column: the parameters whose error bars are mostly theirs."
+    "Size: as estimated with the material, of several the rms of the error; error bars allow for errors that were not "
+    "refined. Last column: the parameters whose error bars are mostly theirs."
 )
 
 

@@ -1,0 +1,75 @@
+"""Which errors of the calibration are refined, which are allowed for, and what the result says of them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import pytest
+
+import matest
+from matest import InputError
+from matest.brdf import CookTorrance, Lambert, OrenNayar
+from matest.report.calibration import error_rows
+from tests.miscalibrated import STUDIO, brighter, normal_deviates, photographed, under_sky
+from tests.simulated import Studio
+
+MATERIAL = OrenNayar([0.7, 0.5, 0.3], 0.4)
+SMALL = Studio(size=40, lights=STUDIO.lights)
+
+
+def test_a_result_says_what_was_refined_and_what_was_allowed_for() -> None:
+    errors = 0.03 * normal_deviates(8, seed=1)
+    estimate = matest.estimate(
+        photographed(MATERIAL, brighter(errors), 1),
+        "oren-nayar",
+        uncertainty={"intensity": 0.03, "pose": (0.5, 0.01)},
+        refine="intensity",
+    )
+    content = json.loads(json.dumps(estimate.to_dict()))["nuisance"]
+    # The turn of a sphere has no effect.
+    assert [*content] == ["intensity", "shift"]
+    assert content["intensity"]["refined"]
+    assert content["intensity"]["prior_std"] == pytest.approx(0.03)
+    assert len(content["intensity"]["value"]) == len(content["intensity"]["std"]) == 8
+    assert content["shift"]["value"] is None
+    assert content["shift"]["adds"]["sigma"] > 0
+    assert [cells[0] for cells in error_rows(estimate)] == ["intensity", "shift"]
+
+
+def test_all_stands_for_what_has_an_effect_and_is_no_special_case() -> None:
+    capture = photographed(MATERIAL, under_sky(0.02), 1, SMALL)
+    refined = {*matest.estimate(capture, "oren-nayar", refine="all").nuisance}
+    assert {"direction", "intensity", "ambient", "black", "albedo_field", "normals", "blur"} < refined
+    assert not refined & {"tilt", "rotation", "scale", "exposure", "normal_noise"}
+
+
+def test_errors_that_cannot_be_refined_are_refused_with_the_reason() -> None:
+    capture = photographed(MATERIAL, under_sky(0.0), 1, SMALL)
+    with pytest.raises(InputError, match="--refine normal_noise: errors of the normals of single pixels"):
+        matest.estimate(capture, "oren-nayar", refine="normal_noise")
+    with pytest.raises(InputError, match="--refine albedo: the model has no diffuse body"):
+        matest.estimate(capture, "torrance-sparrow", refine="albedo")
+
+
+def test_a_body_under_gloss_may_vary_and_a_metal_may_not() -> None:
+    gloss = CookTorrance([0.4, 0.2, 0.1], 0.8, 0.25, f0=0.04)
+    capture = photographed(gloss, under_sky(0.0), 1, SMALL)
+    assert "albedo_field" in matest.estimate(capture, "cook-torrance", fix={"f0": 0.04}, refine="albedo").nuisance
+
+
+def test_lights_of_unknown_scale_have_errors_that_are_zero_on_average() -> None:
+    capture = photographed(Lambert([0.7, 0.5, 0.3]), brighter(0.05 * normal_deviates(8, seed=3)), 1)
+    relative = replace(capture, photographs=replace(capture.photographs, relative=True))
+    estimate = matest.estimate(relative, "lambert", refine="intensity")
+    assert abs(sum(estimate.nuisance["intensity"].value)) < 1e-3
+
+
+def test_a_misfit_that_refining_does_not_explain_is_told() -> None:
+    gloss = CookTorrance([0.4, 0.2, 0.1], 0.8, 0.2, f0=0.04)
+    estimate = matest.estimate(photographed(gloss, under_sky(0.0), 1), "lambert", refine="intensity")
+    assert any("does not hold with errors of intensity refined either" in warning for warning in estimate.warnings)
+
+
+def test_nothing_is_said_of_the_calibration_where_nothing_is_asked() -> None:
+    assert matest.estimate(photographed(MATERIAL, under_sky(0.0), 1, SMALL), "oren-nayar").nuisance == {}
