@@ -34,7 +34,8 @@ class Fit:
         iterations: evaluations over all samples (all from one pass where the model separates).
         status: "converged" or "not converged".
         message: how the fit went, as a sentence.
-        errors: how the error bars were made: "fisher", "jackknife over images" or "jackknife over blocks".
+        errors: how the error bars were made: "fisher", "jackknife over images" ("lights" where images repeat each
+            other) or "jackknife over blocks".
     """
 
     rmse: float
