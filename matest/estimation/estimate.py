@@ -116,6 +116,7 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         skipped=skipped(samples, solution, len(held_out), selection.unsupported if selection else []),
         timing_s={**{stage: capture.timing.get(stage, 0.0) for stage in ("read", "geometry")}, "fit": fit_s},
         holdout=holdout,
+        residual_scale=solution.residual_scale,
         warnings=warnings(Context(samples, specification, solution, posterior, options.precision, said)),
     )
 

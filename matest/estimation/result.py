@@ -12,6 +12,7 @@ import torch
 from matest.brdf import Brdf, model
 from matest.errors import InputError
 from matest.inference.quantities import ParameterEstimate
+from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
 
 SCHEMA = "matest.estimate/1"
 
@@ -90,6 +91,7 @@ class Estimate:
         provenance: version, command, hashes of the inputs.
         warnings: sentences.
         channel_labels: names of the channels; empty: R, G, B, or numbers.
+        residual_scale: by which outliers were judged.
     """
 
     capture: str
@@ -107,6 +109,7 @@ class Estimate:
     provenance: dict[str, Any] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
     channel_labels: tuple[str, ...] = ()
+    residual_scale: ResidualScale = NOISE_ALONE
 
     def __repr__(self) -> str:
         values = ", ".join(f"{name}={p.value} ± {p.std} ({p.status})" for name, p in self.parameters.items())

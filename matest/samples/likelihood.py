@@ -150,6 +150,8 @@ class LeastSquares(NamedTuple):
             where the reference is too.
         means: the pixels that samples are means of; None: every sample is one pixel.
         errors: values for the relative error; None: all of the response.
+        rejection: square of the deviation, in standard deviations of the noise, beyond which values are outliers; one
+            for all, or [n, 1].
     """
 
     response: Tensor
@@ -157,6 +159,20 @@ class LeastSquares(NamedTuple):
     plain: Tensor
     means: Means | None = None
     errors: Errors | None = None
+    rejection: Tensor | float = REJECTED**2
+
+
+class Deviations(NamedTuple):
+    """How far values lie from a model, both [n, C].
+
+    Attributes:
+        size: in standard deviations of the noise; of a clipped value how far the model lies inside the sensor's range,
+            or 0.
+        clear: whether noise does not clip values of the model.
+    """
+
+    size: Tensor
+    clear: Tensor
 
 
 def first_guess(radiance: Tensor, noise: MeasurementNoise, means: Means | None = None) -> LeastSquares:
@@ -175,7 +191,7 @@ def about(
     radiance: Tensor,
     noise: MeasurementNoise,
     means: Means | None = None,
-    residual_scale: float = 1.0,
+    residual_scale: Tensor | float = 1.0,
 ) -> LeastSquares:
     """The problem whose solution is, to second order, the maximum of the likelihood.
 
@@ -188,44 +204,64 @@ def about(
         radiance: measured [n, C].
         noise: of the samples.
         means: what they are means of.
-        residual_scale: typical residual in standard deviations of the noise, at least 1: where the model does not hold,
-            outliers are judged by it.
+        residual_scale: typical residual in standard deviations of the noise, at least 1, one for all or [n, 1]: where
+            the model does not hold, outliers are judged by it.
     """
     variance = noise.variance(reference)
     weight = 1 / variance
     if noise.comparison is not None:
         return _compared(reference, radiance, noise.comparison, _of_means(weight, means), means)
     squared = (radiance - reference).square() * weight
+    rejection = (REJECTED * residual_scale) ** 2
     # Skipped where there is no outlier, as in most tiles.
-    far = (TRUSTED * residual_scale) ** 2
-    strays = float(squared.amax()) > far
+    strays = bool((squared > (TRUSTED * residual_scale) ** 2).any())
     if strays:
         weight = _trust(squared.sqrt() / residual_scale) * weight
     if noise.limits is None:
-        return LeastSquares(radiance, _of_means(weight, means), torch.ones_like(weight, dtype=torch.bool), means)
-    lower, upper = noise.limits
+        plain = torch.ones_like(weight, dtype=torch.bool)
+        return LeastSquares(radiance, _of_means(weight, means), plain, means, rejection=rejection)
     std = variance.sqrt()
-    plain = torch.minimum(reference - lower, upper - reference) > _CLEAR_OF_CLIPPING * std
+    plain = _clear(reference, noise.limits, std)
     if strays:
         # Rejected values were not clipped by noise. Those a little nearer may be its tail: to count only that of values
         # near the ends would make the noise look larger.
-        plain = plain | (squared > (REJECTED * residual_scale) ** 2)
+        plain = plain | (squared > rejection)
     response, weight = radiance, _of_means(weight, means)
     errors, clipped = None, noise.clipped_values()
     if clipped is not None:
         response, weight, plain = response.clone(), weight.clone(), plain.clone()
         errors, (at, side, end) = _errors(reference, radiance, clipped), clipped
-        mean, spread = reference[at], residual_scale * std.expand_as(reference)[at]
+        mean, stds = reference[at], std.expand_as(reference)[at]
+        spread = stds * (residual_scale[at[0], 0] if isinstance(residual_scale, Tensor) else residual_scale)
         z = side * (mean - end) / spread
         trust = _trust(-z)
         # For larger −z, hazard and z would cancel to 0.
         z = z.clamp(min=-REJECTED)
         hazard = torch.exp(-0.5 * z.square() - torch.special.log_ndtr(z) - _LOG_ROOT_TWO_PI)
         response[at] = mean + side * spread / (hazard + z)
-        weight[at] = trust * hazard * (hazard + z) / (spread / residual_scale).square()
+        weight[at] = trust * hazard * (hazard + z) / stds.square()
         # A clipped value is no measure of the fit, unless it is an outlier.
         plain[at] = trust == 0
-    return LeastSquares(response, weight, plain, means, errors)
+    return LeastSquares(response, weight, plain, means, errors, rejection)
+
+
+def deviations(reference: Tensor, radiance: Tensor, noise: MeasurementNoise) -> Deviations:
+    """How far values lie from the model; arguments as in `about`."""
+    std = noise.variance(reference).sqrt()
+    size = (radiance - reference).abs() / std
+    clear = torch.ones_like(size, dtype=torch.bool)
+    if noise.limits is not None and noise.comparison is None:
+        clear = _clear(reference, noise.limits, std)
+        if (clipped := noise.clipped_values()) is not None:
+            at, side, end = clipped
+            size[at] = (side * (end - reference[at]) / std.expand_as(size)[at]).clamp(min=0)
+            clear[at] = False
+    return Deviations(size, clear)
+
+
+def _clear(reference: Tensor, limits: Limits, std: Tensor) -> Tensor:
+    """Where a model [n, C] lies so far inside the sensor's range that noise of `std` clips no value."""
+    return torch.minimum(reference - limits.lower, limits.upper - reference) > _CLEAR_OF_CLIPPING * std
 
 
 def _compared(
