@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,6 +18,10 @@ REJECTED = 6.0
 # Standard deviations from an end of the sensor's range within which a value may be clipped and is no measure of the
 # fit.
 _CLEAR_OF_CLIPPING = 3.0
+# Values this many times as large as most samples of like half angle, and as most of all, are wild.
+_WILD_RATIO = 10.0
+# Share of the samples that are "most": a tenth may be outliers.
+_TAME_SHARE = 0.9
 # log √(2π), of the normal density.
 _LOG_ROOT_TWO_PI = 0.5 * math.log(2 * math.pi)
 
@@ -175,15 +179,29 @@ class Deviations(NamedTuple):
     clear: Tensor
 
 
-def first_guess(radiance: Tensor, noise: MeasurementNoise, means: Means | None = None) -> LeastSquares:
+def first_guess(
+    radiance: Tensor, noise: MeasurementNoise, means: Means | None = None, classes: Sequence[Tensor] = ()
+) -> LeastSquares:
     """The problem for a first guess: one variance a channel, clipped values taken as measured.
 
     The variance is that of the median: weights from each measured radiance would be largest for dark outliers. A
-    saturated highlight is too low then, but it is in the data.
+    saturated highlight is too low then, but it is in the data. Wild values do not count: without bound, a single one
+    would be all that the guess explains.
+
+    Args:
+        radiance: measured [n, C].
+        noise: of the samples.
+        means: what they are means of.
+        classes: rows of samples that a highlight brightens alike.
     """
     typical = radiance.median(dim=0, keepdim=True).values if len(radiance) else radiance
     weight = _of_means((1 / noise.variance(typical)).expand_as(radiance), means)
-    return LeastSquares(radiance, weight, torch.ones_like(weight, dtype=torch.bool), means)
+    tame = torch.ones_like(weight, dtype=torch.bool)
+    size = radiance.abs()
+    if len(radiance) and bool((size > (limit := _WILD_RATIO * size.quantile(_TAME_SHARE, dim=0))).any()):
+        for rows in classes:
+            tame[rows] = size[rows] <= torch.maximum(_WILD_RATIO * size[rows].quantile(_TAME_SHARE, dim=0), limit)
+    return LeastSquares(radiance, weight * tame, torch.ones_like(tame), means)
 
 
 def about(

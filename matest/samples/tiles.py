@@ -12,7 +12,7 @@ from torch import Tensor
 from matest.samples import likelihood
 from matest.samples.batch import Batch
 from matest.samples.likelihood import LeastSquares, Means
-from matest.samples.residual_scale import NOISE_ALONE, ResidualScale, half_angle
+from matest.samples.residual_scale import NOISE_ALONE, ResidualScale, half_angle, like_angled
 
 if TYPE_CHECKING:
     from matest.samples.merging import MergedSquares
@@ -50,7 +50,8 @@ class Tile:
 
     def first_guess(self) -> LeastSquares:
         """See `likelihood.first_guess`."""
-        return likelihood.first_guess(self.batch.radiance, self.batch.noise, self.means)
+        _, classes = like_angled(self.half_angles)
+        return likelihood.first_guess(self.batch.radiance, self.batch.noise, self.means, classes)
 
     def about(self, reference: Tensor, residual_scale: ResidualScale = NOISE_ALONE) -> LeastSquares:
         """See `likelihood.about`."""

@@ -10,9 +10,10 @@ import pytest
 import matest
 from matest.benchmark.instruments.trial import trial
 from matest.benchmark.suites.outliers import SPOILT
-from matest.brdf import CookTorrance, Lambert, LiTorrance, OrenNayar, model
+from matest.brdf import Brdf, CookTorrance, Lambert, LiTorrance, OrenNayar, model
 from matest.capture import Capture
 from matest.estimation.options import Options
+from matest.estimation.result import Estimate
 from matest.estimation.specification import specify
 from matest.estimators import fit
 from matest.estimators.levenberg_marquardt import minimise
@@ -66,6 +67,37 @@ def test_spoilt_pixels_leave_the_estimate_within_its_error_bars(bits: int, satur
 def test_outliers_that_bend_the_first_guess_do_not_decide_the_last(seed: int) -> None:
     # Seed 10 takes many expansions of the likelihood, 25 starts without the highlight.
     assert trial("cook-torrance", seed, SPOILT, grid=False).worst < 5
+
+
+@pytest.mark.parametrize("size", [200.0, -1000.0, 1000.0, 1e9, 1e14])
+@pytest.mark.parametrize(("truth", "fix"), [(OrenNayar(0.7, 0.4), {}), (TRUTH, FIX)])
+def test_one_wild_pixel_moves_nothing(truth: Brdf, fix: dict[str, float], size: float) -> None:
+    capture = STUDIO.photograph(truth, seed=1)
+    clean = matest.estimate(capture, truth.name, fix=fix)
+    # Among the brightest, where it enters the subsample of the search.
+    stored = [pixels.copy() for pixels in capture.photographs.stored]
+    stored[0][stored[0][:, 0].argsort()[-9]] = size
+    assert_within_standard_errors(clean, matest.estimate(changed(capture, stored=tuple(stored)), truth.name, fix=fix))
+
+
+@pytest.mark.parametrize(("truth", "fix"), [(OrenNayar(0.7, 0.4), {}), (TRUTH, FIX)])
+def test_a_hundredth_of_wild_pixels_moves_nothing_by_a_standard_error(truth: Brdf, fix: dict[str, float]) -> None:
+    capture, rng, stored = STUDIO.photograph(truth, seed=1), np.random.default_rng(0), []
+    for pixels in capture.photographs.stored:
+        wild, spoilt = rng.random(len(pixels)) < 0.01, pixels.copy()
+        spoilt[wild] = (10 ** rng.uniform(-3, 6, (int(wild.sum()), 1)) * rng.choice([-1, 1])).astype(np.float32)
+        stored.append(spoilt)
+    clean = matest.estimate(capture, truth.name, fix=fix)
+    found = matest.estimate(changed(capture, stored=tuple(stored)), truth.name, fix=fix)
+    assert_within_standard_errors(clean, found)
+
+
+def assert_within_standard_errors(clean: Estimate, found: Estimate) -> None:
+    """No parameter moved by more than one, and error bars are what they were."""
+    for name, parameter in clean.parameters.items():
+        if parameter.status == "determined":
+            assert abs(found.parameters[name].value - parameter.value) < parameter.std
+            assert found.parameters[name].std == pytest.approx(parameter.std, rel=0.05)
 
 
 def glossy() -> Capture:

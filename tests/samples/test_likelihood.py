@@ -87,6 +87,14 @@ def test_a_first_guess_takes_clipped_values_as_measured() -> None:
     assert plain.all()
 
 
+@pytest.mark.parametrize("wild", [1e3, -1e3, 1e15])
+def test_a_first_guess_leaves_wild_values_out_and_no_others(wild: float) -> None:
+    radiance = torch.linspace(0.01, 0.6, 50, dtype=DOUBLE)[:, None]
+    assert bool((tile(radiance).first_guess().weight > 0).all())
+    radiance[7] = wild
+    assert (tile(radiance).first_guess().weight == 0).nonzero()[:, 0].tolist() == [7]
+
+
 def test_deviations_of_clipped_values_are_those_of_the_nearest_radiance_that_they_may_have() -> None:
     reference = torch.tensor([[0.5], [0.5], [1.5], [0.9]], dtype=DOUBLE)
     clipped = torch.tensor([[0], [1], [1], [0]], dtype=torch.int8)
