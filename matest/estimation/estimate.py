@@ -127,6 +127,7 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         timing_s={**{stage: capture.timing.get(stage, 0.0) for stage in ("read", "geometry")}, "fit": fit_s},
         holdout=holdout,
         nuisance=calibration.estimates(solution, posterior, samples),
+        residual_scale=solution.residual_scale,
         warnings=warnings(Context(samples, specification, solution, posterior, options.precision, said)),
     )
 

@@ -13,6 +13,7 @@ from matest.brdf import Brdf, model
 from matest.errors import InputError
 from matest.estimation.calibration import NuisanceEstimate
 from matest.inference.quantities import ParameterEstimate
+from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
 
 SCHEMA = "matest.estimate/1"
 
@@ -35,7 +36,8 @@ class Fit:
         iterations: evaluations over all samples (all from one pass where the model separates).
         status: "converged" or "not converged".
         message: how the fit went, as a sentence.
-        errors: how the error bars were made: "fisher", "jackknife over images" or "jackknife over blocks".
+        errors: how the error bars were made: "fisher", "jackknife over images" ("lights" where images repeat each
+            other) or "jackknife over blocks".
     """
 
     rmse: float
@@ -91,6 +93,7 @@ class Estimate:
         provenance: version, command, hashes of the inputs.
         warnings: sentences.
         channel_labels: names of the channels; empty: R, G, B, or numbers.
+        residual_scale: by which outliers were judged.
     """
 
     capture: str
@@ -109,6 +112,7 @@ class Estimate:
     provenance: dict[str, Any] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
     channel_labels: tuple[str, ...] = ()
+    residual_scale: ResidualScale = NOISE_ALONE
 
     def __repr__(self) -> str:
         values = ", ".join(f"{name}={p.value} ± {p.std} ({p.status})" for name, p in self.parameters.items())

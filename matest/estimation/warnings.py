@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -25,6 +26,11 @@ _POOR_ERROR = 0.15
 _OUTLIERS_BEYOND_NOISE = 0.001
 # Share of outliers above which the user is told.
 _MANY_OUTLIERS = 0.005
+# Typical residual at some half angles, in standard deviations of the noise, above which a fifth of the values there
+# would be outliers if the model held.
+_MISSED_SCALE = 3.0
+# Times that residuals at some half angles are as large as at others, if a lobe is likelier to be wrong than all of it.
+_MISSED_RATIO = 3.0
 # χ² per value above which one image is looked for that spoils the fit.
 _SPOILT_CHI2 = 1.5
 # An image spoils the fit if χ² per value without it falls below this, where the model holds for the others,
@@ -190,7 +196,20 @@ def _outliers(context: Context) -> Iterator[str]:
     if share > _MANY_OUTLIERS:
         yield (
             f"{share:.1%} of the values lie too far from the model to be noise and were left "
-            "out: dust, highlights or shadows that model and geometry do not have?"
+            "out: dust, or shadows and edges that the geometry does not have?"
+        )
+
+
+def _missed_angles(context: Context) -> Iterator[str]:
+    """A highlight that the model does not have is no set of outliers."""
+    scale = context.solution.residual_scale
+    if (angles := scale.above(max(_MISSED_SCALE, _MISSED_RATIO * scale.smallest))) is not None:
+        start, end = (math.degrees(angle) for angle in angles)
+        yield (
+            f"Where the half vector is {start:.2g}° to {end:.2g}° off the normal, the model misses the "
+            f"{context.account.subject} by up to {float(scale.values.max()):.2g} times the noise, elsewhere by as "
+            f"little as {scale.smallest:.2g} times: it lacks what shows there. Those values count in full, not as "
+            "outliers; try another lobe, or a second one."
         )
 
 
@@ -311,6 +330,7 @@ RULES: tuple[Rule, ...] = (
     _odd_image,
     _empty_images,
     _outliers,
+    _missed_angles,
     _poor_fit,
     _calibration_does_not_explain,
     _seen_together,

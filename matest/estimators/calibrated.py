@@ -18,6 +18,7 @@ from matest.parameters import Role
 from matest.samples import Batch, Tile, Tiles
 from matest.samples.calibration import Displaced
 from matest.samples.likelihood import LeastSquares
+from matest.samples.residual_scale import ResidualScale
 from matest.shading import shade
 
 
@@ -114,7 +115,7 @@ def body_albedos(brdf: Brdf) -> frozenset[str]:
 
 
 def accumulate_calibrated(
-    problem: Problem, unknowns: Tensor, tiles: Tiles, reference: Tensor | None, residual_scale: float
+    problem: Problem, unknowns: Tensor, tiles: Tiles, reference: Tensor | None, residual_scale: ResidualScale
 ) -> Statistics:
     """One pass: the additive statistics at `unknowns` of a problem with errors of the calibration.
 

@@ -15,6 +15,7 @@ from matest.estimators.statistics import Statistics
 from matest.estimators.unknowns import Problem
 from matest.samples import Batch, Tile
 from matest.samples.likelihood import squared_errors
+from matest.samples.residual_scale import ResidualScale
 from matest.samples.tiles import in_memory
 
 # Passes over a pilot: a model that fits takes four or five, and one that does not is not worth more.
@@ -58,7 +59,7 @@ class LeftOut:
 
 
 def leave_out(
-    problem: Problem, tile: Tile, start: Tensor, residual_scale: float, parts: int, refine: bool = True
+    problem: Problem, tile: Tile, start: Tensor, residual_scale: ResidualScale, parts: int, refine: bool = True
 ) -> LeftOut:
     """Fit a pilot, and predict each of its parts from the others.
 

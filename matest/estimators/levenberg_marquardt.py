@@ -12,6 +12,7 @@ from matest.estimators.passes import Evaluate
 from matest.estimators.statistics import Statistics
 from matest.estimators.unknowns import Problem
 from matest.samples import Tiles
+from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
 
 # Passes over the samples; a fit that takes more goes round in circles.
 MAX_PASSES = 60
@@ -57,7 +58,7 @@ class Solution:
     iterations: int
     last_step: float
     converged: bool
-    residual_scale: float = 1.0
+    residual_scale: ResidualScale = NOISE_ALONE
     tiles: Tiles = ()
 
 

@@ -17,6 +17,7 @@ from matest.estimators.search import Search, shape_nodes, solve_nodes
 from matest.estimators.unknowns import Problem
 from matest.samples import Tile
 from matest.samples.likelihood import LeastSquares
+from matest.samples.residual_scale import ResidualScale
 
 # Nodes of every shape parameter: close enough for the descent from a node to reach the optimum beside it.
 _NODES = 12
@@ -103,7 +104,7 @@ class Mixture:
 
     tile: Tile
     squares: LeastSquares
-    residual_scale: float
+    residual_scale: ResidualScale
     cost: float
     values: int
 

@@ -17,6 +17,7 @@ from matest.samples.likelihood import LeastSquares
 # chi2: rᵀWr of the plain values: measured well inside the sensor's range, and no outliers.
 # values: number of values in `chi2`.
 # outliers: number of plain values of weight 0.
+# rejected: what these would cost if each were only just rejected.
 # usable: number of all values, except clipped ones where the model too lies beyond the end of the sensor's range.
 # squared_residual, squared_signal: rᵀr and yᵀy of the usable values.
 # trimmed_residual, trimmed_signal: rᵀr and yᵀy of the usable values without the outliers.
@@ -27,6 +28,7 @@ SCORES = (
     "chi2",
     "values",
     "outliers",
+    "rejected",
     "usable",
     "squared_residual",
     "squared_signal",
@@ -139,7 +141,7 @@ def score_sums(problem: LeastSquares, weight: Tensor, residual: Tensor, parts: S
 
 
 def _score_rows(problem: LeastSquares, weight: Tensor, residual: Tensor) -> Tensor:
-    """The scores of every sample, except the last of `SCORES` [10, n], from weights and residuals [C, n]."""
+    """The scores of every sample, except the last of `SCORES` [11, n], from weights and residuals [C, n]."""
     response, means = problem.response.T, problem.means
     squared, signal = residual.square(), response.square()
     if means is not None:
@@ -162,8 +164,10 @@ def _score_rows(problem: LeastSquares, weight: Tensor, residual: Tensor) -> Tens
     inliers = 1 - (plain - counted)
     every, trimmed = (ones @ squared, ones @ signal), (ones @ (squared * inliers), ones @ (signal * inliers))
     cost, chi2, values = ones @ weighted, ones @ (weighted * counted), ones @ counted
-    outliers = ones @ plain - values
-    rows = torch.stack([cost, chi2, values, outliers, usable, *every, *trimmed, torch.ones_like(cost)])
+    outliers, rejection = ones @ plain - values, problem.rejection
+    each = rejection.T if isinstance(rejection, torch.Tensor) else rejection
+    rejected = ones @ ((plain - counted) * each)
+    rows = torch.stack([cost, chi2, values, outliers, rejected, usable, *every, *trimmed, torch.ones_like(cost)])
     if means is not None:
         # Each sample counts for as many pixels as it stands for; weights hold these already. One that stands for none
         # is no outlier.

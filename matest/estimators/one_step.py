@@ -14,7 +14,8 @@ from matest.estimators.passes import accumulate, radiance_model
 from matest.estimators.statistics import Statistics
 from matest.estimators.unknowns import Problem
 from matest.samples import Tile
-from matest.samples.likelihood import TRUSTED
+from matest.samples.likelihood import Deviations, deviations
+from matest.samples.residual_scale import ResidualScale
 from matest.samples.tiles import in_memory
 from matest.workers import single_threaded_torch
 
@@ -22,51 +23,25 @@ from matest.workers import single_threaded_torch
 END_TOLERANCE = 0.03
 # χ² per value up to which one step over all samples is enough: residuals of the model do not bend the cost then.
 _ONE_STEP_CHI2 = 1.05
-# Share of the values that may be outliers.
-_MAX_OUTLIER_SHARE = 0.1
-# Median of |N(0, 1)|.
-_MEDIAN_DEVIATION = 0.6745
-# Standard deviation of the median of n such values relative to it, times √n.
-_MEDIAN_STD = 1.166
-# Standard deviations of that median up to which the residuals are the noise.
-_CHANCE_DEVIATIONS = 3.0
 
 
-def expand_likelihood(problem: Problem, tiles: list[Tile], unknowns: Tensor) -> tuple[float, list[Tile]]:
-    """The residual scale at u [P], and the tiles with the likelihood expanded there.
-
-    The scale is the median residual in standard deviations of the noise, as a multiple of a Gaussian's; at least 1, and
-    large enough for no more than a tenth of the values to be outliers: a model that misses more does not fit.
-    """
+def expand_likelihood(problem: Problem, tiles: list[Tile], unknowns: Tensor) -> tuple[ResidualScale, list[Tile]]:
+    """The residual scale at u [P], and the tiles with the likelihood expanded there."""
     model = radiance_model(problem, unknowns)
     with torch.no_grad():
         return expand_about([model(tile) for tile in tiles], tiles)
 
 
-def expand_about(references: Sequence[Tensor], tiles: Sequence[Tile]) -> tuple[float, list[Tile]]:
+def expand_about(references: Sequence[Tensor], tiles: Sequence[Tile]) -> tuple[ResidualScale, list[Tile]]:
     """The residual scale, and the tiles with the likelihood expanded about a radiance [n, C] of each."""
-    problems = [tile.about(radiance) for tile, radiance in zip(tiles, references, strict=True)]
-    deviations = [
-        ((tile.batch.radiance - radiance).abs() / tile.batch.variance(radiance).sqrt())[one.plain]
-        for tile, radiance, one in zip(tiles, references, problems, strict=True)
+    parts = [
+        deviations(radiance, tile.batch.radiance, tile.batch.noise)
+        for tile, radiance in zip(tiles, references, strict=True)
     ]
-    residual_scale = _residual_scale(torch.cat(deviations).double())
-    if residual_scale > 1:
-        problems = [tile.about(radiance, residual_scale) for tile, radiance in zip(tiles, references, strict=True)]
+    together = Deviations(*(torch.cat(column) for column in zip(*parts, strict=True)))
+    residual_scale = ResidualScale.of(torch.cat([tile.half_angles for tile in tiles]), together)
+    problems = [tile.about(radiance, residual_scale) for tile, radiance in zip(tiles, references, strict=True)]
     return residual_scale, [replace(tile, least_squares=one) for tile, one in zip(tiles, problems, strict=True)]
-
-
-def _residual_scale(deviations: Tensor) -> float:
-    """The scale of absolute residuals, in standard deviations of the noise [n]."""
-    if not len(deviations):
-        return 1.0
-    trusted_count = max(int((1 - _MAX_OUTLIER_SHARE) * len(deviations)), 1)
-    largest_trusted = float(deviations.kthvalue(trusted_count).values)
-    typical = float(deviations.median()) / _MEDIAN_DEVIATION
-    # Clipped values count with this scale and others without: one that is chance would move the optimum.
-    if typical < 1 + _CHANCE_DEVIATIONS * _MEDIAN_STD / math.sqrt(len(deviations)):
-        typical = 1.0
-    return max(typical, largest_trusted / TRUSTED, 1.0)
 
 
 @single_threaded_torch()

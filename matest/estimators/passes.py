@@ -18,13 +18,18 @@ from matest.estimators.tile_sums import Expanded, over_tiles
 from matest.estimators.unknowns import Problem
 from matest.samples import Batch, Tile, Tiles
 from matest.samples.likelihood import LeastSquares
+from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
 
 # Statistics at any unknowns.
 Evaluate = Callable[[Tensor], Statistics]
 
 
 def accumulate(
-    problem: Problem, unknowns: Tensor, tiles: Tiles, reference: Tensor | None, residual_scale: float = 1.0
+    problem: Problem,
+    unknowns: Tensor,
+    tiles: Tiles,
+    reference: Tensor | None,
+    residual_scale: ResidualScale = NOISE_ALONE,
 ) -> Statistics:
     """One pass: the additive statistics at `unknowns`.
 
@@ -37,7 +42,7 @@ def accumulate(
         tiles: groups of functions that give a tile each; the tiles of a group are worked on at the same time.
         reference: the likelihood is expanded about the model's radiance for these unknowns (`likelihood.about`); None:
             about the measured radiance, for a first guess.
-        residual_scale: see `likelihood.about`.
+        residual_scale: by which outliers are judged.
     """
     if problem.nuisances:
         return accumulate_calibrated(problem, unknowns, tiles, reference, residual_scale)
@@ -57,7 +62,11 @@ def accumulate(
 
 
 def compress(
-    problem: Problem, tiles: Tiles, origin: Tensor | None, reference: Tensor | None, residual_scale: float = 1.0
+    problem: Problem,
+    tiles: Tiles,
+    origin: Tensor | None,
+    reference: Tensor | None,
+    residual_scale: ResidualScale = NOISE_ALONE,
 ) -> ColumnStatistics:
     """One pass over the samples of a problem that `separates`; statistics at any unknowns follow from it.
 
@@ -67,7 +76,7 @@ def compress(
         origin: u [P] near the optimum, whose radiance is subtracted first, so that small residuals keep their digits.
             Light whose reflectance there is below zero counts as none. None: nothing is subtracted.
         reference: the likelihood is expanded about the model's radiance for these unknowns; None: about the measured.
-        residual_scale: see `likelihood.about`.
+        residual_scale: by which outliers are judged.
     """
     here = SeparatedBasis(problem, origin)
     there = here
@@ -91,7 +100,7 @@ def statistics_at(problem: Problem, compressed: ColumnStatistics, unknowns: Tens
 
 
 def passes_over(
-    problem: Problem, tiles: Tiles, origin: Tensor, reference: Tensor | None, residual_scale: float
+    problem: Problem, tiles: Tiles, origin: Tensor, reference: Tensor | None, residual_scale: ResidualScale
 ) -> Evaluate:
     """The function that gives the statistics at any unknowns near `origin`.
 
@@ -118,7 +127,10 @@ def radiance_model(problem: Problem, unknowns: Tensor) -> Callable[[Tile], Tenso
 
 
 def _sum_columns(
-    tiles: Tiles, expand: Callable[[Tile], tuple[Columns, Tensor, Tensor | None]], basis: Basis, residual_scale: float
+    tiles: Tiles,
+    expand: Callable[[Tile], tuple[Columns, Tensor, Tensor | None]],
+    basis: Basis,
+    residual_scale: ResidualScale,
 ) -> ColumnStatistics:
     """Sum the moments of all samples.
 
@@ -127,7 +139,7 @@ def _sum_columns(
         expand: gives the columns of a tile, the radiance [n, C] that is subtracted for the residuals, and the radiance
             that the likelihood is expanded about (None: the measured).
         basis: gives the subtracted radiance.
-        residual_scale: see `likelihood.about`.
+        residual_scale: by which outliers are judged.
     """
 
     def sums(tile: Tile) -> Expanded[Moments]:

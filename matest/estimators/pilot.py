@@ -130,7 +130,7 @@ def _search_with_less_outliers(best: Solution, batches: list[Batch], tiles: list
         starts = initial_solutions(best.problem, [with_huber_noise(best, subsample(batches))], None)
         new = [start for start in starts if separation(before, start) > _NEW_OPTIMUM_DISTANCE]
         best = most_plausible([before, *_optima(new, tiles)])
-        if implausibility(best) > implausibility(before) - EQUAL_CHI2 * before.residual_scale**2:
+        if implausibility(best) > implausibility(before) - EQUAL_CHI2 * before.residual_scale.typical**2:
             break
     return best
 

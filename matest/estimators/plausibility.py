@@ -6,7 +6,6 @@ import torch
 from torch import Tensor
 
 from matest.estimators.levenberg_marquardt import Solution
-from matest.samples.likelihood import REJECTED
 
 # χ². Solutions along a valley of the likelihood differ by less: the samples cannot tell them apart.
 EQUAL_CHI2 = 0.1
@@ -33,14 +32,13 @@ def separation(one: Solution, other: Solution) -> float:
 
 def implausibility(solution: Solution) -> float:
     """The cost that solutions with different outliers are compared by: an outlier counts as one just rejected."""
-    outliers = solution.statistics.total("outliers")
-    return solution.statistics.cost + (REJECTED * solution.residual_scale) ** 2 * outliers
+    return solution.statistics.cost + solution.statistics.total("rejected")
 
 
 def most_plausible(solutions: list[Solution]) -> Solution:
     """The best of several solutions; of those that the data cannot tell apart the one with the fewest at an end."""
     best = min(solutions, key=implausibility)
-    margin = EQUAL_CHI2 * best.residual_scale**2
+    margin = EQUAL_CHI2 * best.residual_scale.typical**2
     rivals = [solution for solution in solutions if implausibility(solution) - implausibility(best) < margin]
     return min(rivals, key=count_at_ends)
 

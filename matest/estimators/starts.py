@@ -84,7 +84,7 @@ def with_huber_noise(solution: Solution, batch: Batch) -> Batch:
     with torch.no_grad():
         radiance = TangentBasis(solution.problem, solution.unknowns, derivatives=False).radiance(batch)
         variance = batch.variance(radiance)
-        deviation = (batch.radiance - radiance).abs() / variance.sqrt() / solution.residual_scale
+        deviation = (batch.radiance - radiance).abs() / variance.sqrt() / solution.residual_scale.at(batch.points)
         variance = variance * (deviation / _HUBER_DEVIATION).clamp(min=1)
     readout = Readout(variance, torch.zeros_like(variance[:1]))
     return replace(batch, noise=replace(batch.noise, readout=readout))

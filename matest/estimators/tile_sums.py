@@ -10,6 +10,7 @@ from torch import Tensor
 
 from matest.samples import Tile, Tiles
 from matest.samples.likelihood import LeastSquares
+from matest.samples.residual_scale import ResidualScale
 from matest.workers import in_groups
 
 Sums = TypeVar("Sums")
@@ -27,7 +28,7 @@ class Expanded(NamedTuple, Generic[Sums]):
     sums: Callable[[Tile, LeastSquares], Sums]
 
 
-def over_tiles(tiles: Tiles, expand: Callable[[Tile], Expanded[Sums]], residual_scale: float) -> list[Sums]:
+def over_tiles(tiles: Tiles, expand: Callable[[Tile], Expanded[Sums]], residual_scale: ResidualScale) -> list[Sums]:
     """The sums of every tile, in their order; of one whose smooth squares are split, several.
 
     Args:

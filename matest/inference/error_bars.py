@@ -28,7 +28,8 @@ _MAX_CORRELATION = 2.0
 _CORRELATION_BY_CHANCE = 5.0
 # Standard errors by which the data push an unknown outward. Those that push less do not hold it at its bound.
 _MIN_PUSH = 0.1
-# Images that a jackknife needs; with fewer it leaves out blocks of pixels, of which it needs as many.
+# Images that a jackknife needs, no two of them repeats of each other; with fewer it leaves out blocks of pixels, of
+# which it needs as many.
 _MIN_CLUSTERS = 4
 
 
@@ -44,7 +45,7 @@ class ErrorBars:
         chi2: per degree of freedom.
         correlation: of residuals over groups of samples; 1: they are independent.
         holds: whether the model describes the samples to their noise.
-        kind: "fisher", "jackknife over images" or "jackknife over blocks".
+        kind: "fisher", "jackknife over images" ("lights" where images repeat each other) or "jackknife over blocks".
         shares: standard errors [P] that the stated errors of each family of the calibration are part of, by name.
     """
 
@@ -84,14 +85,16 @@ def error_bars(
     correlation, by_chance = correlation_of_residuals(statistics, fisher(expansion.information, ~bound))
     max_correlation = max(_MAX_CORRELATION, 1 + _CORRELATION_BY_CHANCE * by_chance)
     holds = likelihood and chi2 <= _max_chi2(statistics, samples) and correlation <= max_correlation
-    by_image = statistics.regrouped(samples.groups.image)
-    clusters = by_image if len(by_image) >= _MIN_CLUSTERS else statistics
+    by_setting = statistics.regrouped(samples.groups.setting)
+    whole = len(by_setting) >= _MIN_CLUSTERS
+    clusters = by_setting if whole else statistics.regrouped(samples.groups.place)
     widening = torch.ones_like(expansion.unknowns)
     if holds or len(clusters) < _MIN_CLUSTERS:
         kind = "fisher"
         covariance, unbounded = fisher(expansion.precision, free), expansion.covariance
     else:
-        kind = "jackknife over images" if clusters is by_image else "jackknife over blocks"
+        unit = "lights" if len(by_setting) < len(statistics.regrouped(samples.groups.image)) else "images"
+        kind = f"jackknife over {unit if whole else 'blocks'}"
         covariance = _jackknife(expansion, clusters, free, inside=True)
         unbounded = _jackknife(expansion, clusters, torch.ones_like(bound), inside=False)
         widening = _widening(expansion, clusters, unbounded)

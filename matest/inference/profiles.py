@@ -12,6 +12,7 @@ from matest.estimators import Problem, Solution
 from matest.estimators.levenberg_marquardt import bounded_step, minimise
 from matest.estimators.passes import Evaluate, passes_over
 from matest.samples import Tiles
+from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
 
 # Rise of χ² at the ends of a 95 % interval, away from every bound: the 95 % quantile of χ² with one degree of freedom.
 TWO_SIDED = 3.841458820694124
@@ -88,7 +89,7 @@ class Surroundings:
 
 
 def surroundings(
-    problem: Problem, unknowns: Tensor, tiles: Tiles, residual_scale: float = 1.0, share: float = 1.0
+    problem: Problem, unknowns: Tensor, tiles: Tiles, residual_scale: ResidualScale = NOISE_ALONE, share: float = 1.0
 ) -> Surroundings:
     """Expand the likelihood about an optimum.
 
@@ -96,7 +97,7 @@ def surroundings(
         problem: names what is estimated.
         unknowns: the optimum u [P].
         tiles: of the samples.
-        residual_scale: see `likelihood.about`.
+        residual_scale: by which outliers are judged.
         share: share of all samples that the tiles hold.
     """
     evaluate = passes_over(problem, tiles, unknowns, unknowns, residual_scale)

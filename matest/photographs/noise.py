@@ -15,6 +15,8 @@ from matest.photographs.photometry import Encoding
 FLOAT_FLOOR = 1e-4
 # Smallest peak signal for `FLOAT_FLOOR`, fractions of full scale: the noise of black images must not be 0.
 _MIN_PEAK = 1e-30
+# A pixel is wild, and no peak of the surface, if it is this many times as bright as the brightest of the windows.
+_WILD_PEAK = 10.0
 
 
 @dataclass(frozen=True)
@@ -37,15 +39,24 @@ class Noise:
         return Noise(float(np.hypot(self.read, quantisation(encoding, dtype))), self.gain)
 
 
-def stated_noise(stated: Noise, encoding: Encoding, pixels: np.ndarray) -> Noise:
-    """The stated noise of the sensor with that of rounding, for images like `pixels` [N, C].
+def stated_noise(stated: Noise, encoding: Encoding, pixels: np.ndarray, index: np.ndarray) -> Noise:
+    """The stated noise of the sensor with that of rounding.
 
     Float images without stated noise get the relative error `FLOAT_FLOOR`, which stands for rounding and geometry.
+
+    Args:
+        stated: without rounding.
+        encoding: from pixels to radiance.
+        pixels: the surface's in one of the images [N, C].
+        index: of the pixels of some windows [n, 9].
     """
     noise = stated.with_rounding(encoding, pixels.dtype)
     if noise.read:
         return noise
-    peak = float(encoding.signal(pixels, slice(None)).max())
+    signal = encoding.signal(pixels, slice(None))
+    peak = float(signal.max())
+    if len(index) and peak > _WILD_PEAK * (shown := float(np.median(signal[index], axis=1).max())):
+        peak = shown
     return Noise(FLOAT_FLOOR * max(peak, _MIN_PEAK), noise.gain)
 
 

@@ -30,6 +30,7 @@ from matest.photographs.smooth_squares import (
 from matest.samples import Batch, Tile
 from matest.samples.likelihood import TRUSTED, Means, MeasurementNoise, Readout
 from matest.samples.merging import MergedSquares, Tier
+from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
 
 # Fewest pixels of a surface that is merged: the search for squares on a smaller one takes longer than it saves.
 _MIN_PIXELS = 1 << 15
@@ -138,11 +139,11 @@ class PixelMerger:
 
     Args:
         pixels: of the photographs.
-        residual_scale: see `likelihood.about`.
+        residual_scale: by which outliers are judged.
         merge: False leaves every pixel single.
     """
 
-    def __init__(self, pixels: LitPixels, residual_scale: float = 1.0, *, merge: bool = True) -> None:
+    def __init__(self, pixels: LitPixels, residual_scale: ResidualScale = NOISE_ALONE, *, merge: bool = True) -> None:
         self.pixels = pixels
         self._residual_scale = residual_scale
         self._merge = merge
@@ -215,7 +216,7 @@ class PixelMerger:
         """Small squares with no outlier from the bilinear function, and far from the ends of the sensor's range [m]."""
         readout, limits = self.pixels.readout(image, centres), self.pixels.limits(image, centres)
         variance = Readout(*(part.cpu() for part in readout)).variance(values.mean(0).T).T
-        allowed = TRUSTED * self._residual_scale * variance.sqrt()
+        allowed = TRUSTED * self._residual_scale.smallest * variance.sqrt()
         mergeable = deviation <= allowed
         if limits is not None:
             mergeable &= values.amin(0) - allowed >= limits.lower.cpu().T

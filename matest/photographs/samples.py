@@ -21,6 +21,7 @@ from matest.photographs.tiles import ImageTiles
 from matest.samples import Batch, Groups, Tiles
 from matest.samples.account import Account
 from matest.samples.batch import join
+from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
 from matest.scene import Surface
 
 
@@ -110,10 +111,10 @@ class PhotographSamples(LitPixels):
         """About `count` samples, spread evenly over images and half angles; one batch, and one group, per image."""
         return pilot(self, count, seed)
 
-    def tiles(self, residual_scale: float = 1.0, *, merge: bool = True) -> Tiles:
+    def tiles(self, residual_scale: ResidualScale = NOISE_ALONE, *, merge: bool = True) -> Tiles:
         """All samples, a few images at a time; with `merge`, a few replace the pixels of every smooth square.
 
-        `residual_scale` as in `likelihood.about`.
+        Outliers are judged by the `residual_scale`.
         """
         return ImageTiles(self, residual_scale, merge=merge)
 

@@ -53,7 +53,7 @@ def sensor_of(
         below = encoding if clips_as_stated else _clipped_at(encoding, maxima.max(axis=0).tolist(), dtype)
         noise = noise_of_photographs(stored, below, index)
     else:
-        noise = stated_noise(noise, encoding, stored[0])
+        noise = stated_noise(noise, encoding, stored[0], index)
     clip = None if clips_as_stated else clipping(stored, maxima, encoding, noise)
     for pixels in stored:
         release(pixels)

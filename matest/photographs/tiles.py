@@ -9,6 +9,7 @@ from functools import cached_property, partial
 from matest.photographs.pixel_merging import PixelMerger
 from matest.photographs.pixels import LitPixels
 from matest.samples.batch import join
+from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
 from matest.samples.tiles import Tile
 
 # Images whose pixels are in memory at once: they have tiles for all workers, and memory does not grow with the images.
@@ -23,12 +24,12 @@ class ImageTiles:
 
     Attributes:
         pixels: of the photographs.
-        residual_scale: see `likelihood.about`.
+        residual_scale: by which outliers are judged.
         merge: whether a few samples replace the pixels of a smooth square (`PixelMerger`).
     """
 
     pixels: LitPixels
-    residual_scale: float = 1.0
+    residual_scale: ResidualScale = NOISE_ALONE
     merge: bool = True
 
     @cached_property

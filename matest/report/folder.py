@@ -98,7 +98,7 @@ def write_result(
     clock = time.perf_counter()
     progress("writing the report")
     with whole_folder(out) as folder:
-        write_pictures(capture, estimate.material, folder, pictures)
+        write_pictures(capture, estimate.material, folder, pictures, residual_scale=estimate.residual_scale)
         write_json(folder / "material.json", estimate.material_dict())
         timing = {**estimate.timing_s, "report": time.perf_counter() - clock}
         timing["total"] = sum(timing.values())

@@ -16,6 +16,9 @@ from matest.photographs.images import write_image
 from matest.photographs.photometry import srgb
 from matest.photographs.samples import PhotographSamples
 from matest.report.picture_size import PictureSize
+from matest.samples import Tile
+from matest.samples.likelihood import REJECTED
+from matest.samples.residual_scale import ResidualScale
 from matest.scene import Surface
 from matest.shading import render_image, render_pixels
 from matest.workers import in_threads
@@ -67,18 +70,20 @@ def write_pictures(
     size: PictureSize = PictureSize.PREVIEW,
     *,
     radiance: bool = False,
+    residual_scale: ResidualScale | None = None,
 ) -> None:
     """`profile.csv` and, unless `size` says none, `images/NN_photo.png`, `NN_render.png`, `NN_residual.png`.
 
     Photograph and render share one exposure. In the residual red is a photograph brighter than the model, blue a
     darker one, white agreement, grey a pixel that did not count. A clipped channel agrees with a model that lies beyond
-    the clip; where all channels do, the pixel did not count.
+    the clip, and an outlier is left out; where all channels are, the pixel did not count.
 
     Args:
         capture: the photographs.
         material: what to shade under the capture's lights.
         folder: where to write.
         size: of the pictures. Only the pixels that they show, and those of the profile, are shaded.
+        residual_scale: by which outliers of a fit were judged; None: there are none.
         radiance: shade every pixel and write the linear radiance of the material too, `NN.exr`.
     """
     scene, surface, samples = capture.scene, capture.scene.surface, capture.samples()
@@ -101,9 +106,11 @@ def write_pictures(
         photo = capture.radiance(number, shown)
         if raster:
             measured, model = photo[len(row) :], render[len(row) :]
-            agrees = _clipped_alike(samples, number, raster.index, model)
-            counts = samples.usable_at(number, raster.index) & ~agrees.all(axis=1)
-            difference = np.where(agrees, 0, measured - model)
+            idle = _clipped_alike(samples, number, raster.index, model)
+            if residual_scale is not None:
+                idle |= _outliers(samples, number, raster.index, model, residual_scale)
+            counts = samples.usable_at(number, raster.index) & ~idle.all(axis=1)
+            difference = np.where(idle, 0, measured - model)
             for kind, picture in _pictures(measured, model, difference, counts, raster).items():
                 write_image(folder / "images" / f"{number:02d}_{kind}.png", picture)
         return [
@@ -138,6 +145,21 @@ def _clipped_alike(samples: PhotographSamples, image: int, index: np.ndarray, re
         return np.zeros(render.shape, dtype=bool)
     side, lower, upper = clipped.numpy(), limits.lower.numpy(), limits.upper.numpy()
     return np.asarray(((side > 0) & (render >= upper)) | ((side < 0) & (render <= lower)))
+
+
+def _outliers(
+    samples: PhotographSamples, image: int, index: np.ndarray, render: np.ndarray, residual_scale: ResidualScale
+) -> np.ndarray:
+    """Values that a fit has left out, bool [n, C]; arguments as in `_clipped_alike`."""
+    radiance, model = samples.radiance(image, index), torch.from_numpy(render)
+    far = REJECTED * residual_scale.smallest * samples.readout(image, index).variance(model).sqrt()
+    outliers = np.zeros(render.shape, dtype=bool)
+    # The half angles of the others are not needed.
+    suspects = ((radiance - model).abs() > far).any(dim=1).nonzero()[:, 0]
+    if len(suspects):
+        squares = Tile(samples.at(image, index[suspects.numpy()])).about(model[suspects], residual_scale)
+        outliers[suspects.numpy()] = (squares.weight == 0).numpy()
+    return outliers
 
 
 def _pictures(

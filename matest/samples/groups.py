@@ -57,6 +57,23 @@ class Groups:
         """Number of images, lights or groups."""
         return int(self.along(axis).max()) + 1
 
+    @property
+    def setting(self) -> Tensor:
+        """The light that each group was taken under or, where images have no light of their own, its image, int64 [G].
+
+        Photographs that repeat each other share what a model misses: they are no independent witnesses of it.
+        """
+        return self.image if self.light is None else self.along("light")
+
+    @property
+    def place(self) -> Tensor:
+        """A label of each group's block of pixels and its `setting`, int64 [G]: repeated photographs share labels."""
+        order = torch.argsort(self.image, stable=True)
+        sizes = torch.bincount(self.image)
+        starts = (sizes.cumsum(0) - sizes).repeat_interleave(sizes)
+        block = torch.empty_like(self.image).index_put_((order,), torch.arange(len(order)) - starts)
+        return self.setting * int(sizes.max()) + block
+
     def group_of(self, batch: Batch) -> Tensor:
         """The group of every sample of a batch, int64 [n]."""
         return torch.zeros(len(batch), dtype=torch.int64) if batch.groups is None else batch.groups.cpu()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,6 +18,10 @@ REJECTED = 6.0
 # Standard deviations from an end of the sensor's range within which a value may be clipped and is no measure of the
 # fit.
 _CLEAR_OF_CLIPPING = 3.0
+# Values this many times as large as most samples of like half angle, and as most of all, are wild.
+_WILD_RATIO = 10.0
+# Share of the samples that are "most": a tenth may be outliers.
+_TAME_SHARE = 0.9
 # log √(2π), of the normal density.
 _LOG_ROOT_TWO_PI = 0.5 * math.log(2 * math.pi)
 
@@ -150,6 +154,8 @@ class LeastSquares(NamedTuple):
             where the reference is too.
         means: the pixels that samples are means of; None: every sample is one pixel.
         errors: values for the relative error; None: all of the response.
+        rejection: square of the deviation, in standard deviations of the noise, beyond which values are outliers; one
+            for all, or [n, 1].
     """
 
     response: Tensor
@@ -157,17 +163,45 @@ class LeastSquares(NamedTuple):
     plain: Tensor
     means: Means | None = None
     errors: Errors | None = None
+    rejection: Tensor | float = REJECTED**2
 
 
-def first_guess(radiance: Tensor, noise: MeasurementNoise, means: Means | None = None) -> LeastSquares:
+class Deviations(NamedTuple):
+    """How far values lie from a model, both [n, C].
+
+    Attributes:
+        size: in standard deviations of the noise; of a clipped value how far the model lies inside the sensor's range,
+            or 0.
+        clear: whether noise does not clip values of the model.
+    """
+
+    size: Tensor
+    clear: Tensor
+
+
+def first_guess(
+    radiance: Tensor, noise: MeasurementNoise, means: Means | None = None, classes: Sequence[Tensor] = ()
+) -> LeastSquares:
     """The problem for a first guess: one variance a channel, clipped values taken as measured.
 
     The variance is that of the median: weights from each measured radiance would be largest for dark outliers. A
-    saturated highlight is too low then, but it is in the data.
+    saturated highlight is too low then, but it is in the data. Wild values do not count: without bound, a single one
+    would be all that the guess explains.
+
+    Args:
+        radiance: measured [n, C].
+        noise: of the samples.
+        means: what they are means of.
+        classes: rows of samples that a highlight brightens alike.
     """
     typical = radiance.median(dim=0, keepdim=True).values if len(radiance) else radiance
     weight = _of_means((1 / noise.variance(typical)).expand_as(radiance), means)
-    return LeastSquares(radiance, weight, torch.ones_like(weight, dtype=torch.bool), means)
+    tame = torch.ones_like(weight, dtype=torch.bool)
+    size = radiance.abs()
+    if len(radiance) and bool((size > (limit := _WILD_RATIO * size.quantile(_TAME_SHARE, dim=0))).any()):
+        for rows in classes:
+            tame[rows] = size[rows] <= torch.maximum(_WILD_RATIO * size[rows].quantile(_TAME_SHARE, dim=0), limit)
+    return LeastSquares(radiance, weight * tame, torch.ones_like(tame), means)
 
 
 def about(
@@ -175,7 +209,7 @@ def about(
     radiance: Tensor,
     noise: MeasurementNoise,
     means: Means | None = None,
-    residual_scale: float = 1.0,
+    residual_scale: Tensor | float = 1.0,
 ) -> LeastSquares:
     """The problem whose solution is, to second order, the maximum of the likelihood.
 
@@ -188,44 +222,64 @@ def about(
         radiance: measured [n, C].
         noise: of the samples.
         means: what they are means of.
-        residual_scale: typical residual in standard deviations of the noise, at least 1: where the model does not hold,
-            outliers are judged by it.
+        residual_scale: typical residual in standard deviations of the noise, at least 1, one for all or [n, 1]: where
+            the model does not hold, outliers are judged by it.
     """
     variance = noise.variance(reference)
     weight = 1 / variance
     if noise.comparison is not None:
         return _compared(reference, radiance, noise.comparison, _of_means(weight, means), means)
     squared = (radiance - reference).square() * weight
+    rejection = (REJECTED * residual_scale) ** 2
     # Skipped where there is no outlier, as in most tiles.
-    far = (TRUSTED * residual_scale) ** 2
-    strays = float(squared.amax()) > far
+    strays = bool((squared > (TRUSTED * residual_scale) ** 2).any())
     if strays:
         weight = _trust(squared.sqrt() / residual_scale) * weight
     if noise.limits is None:
-        return LeastSquares(radiance, _of_means(weight, means), torch.ones_like(weight, dtype=torch.bool), means)
-    lower, upper = noise.limits
+        plain = torch.ones_like(weight, dtype=torch.bool)
+        return LeastSquares(radiance, _of_means(weight, means), plain, means, rejection=rejection)
     std = variance.sqrt()
-    plain = torch.minimum(reference - lower, upper - reference) > _CLEAR_OF_CLIPPING * std
+    plain = _clear(reference, noise.limits, std)
     if strays:
         # Rejected values were not clipped by noise. Those a little nearer may be its tail: to count only that of values
         # near the ends would make the noise look larger.
-        plain = plain | (squared > (REJECTED * residual_scale) ** 2)
+        plain = plain | (squared > rejection)
     response, weight = radiance, _of_means(weight, means)
     errors, clipped = None, noise.clipped_values()
     if clipped is not None:
         response, weight, plain = response.clone(), weight.clone(), plain.clone()
         errors, (at, side, end) = _errors(reference, radiance, clipped), clipped
-        mean, spread = reference[at], residual_scale * std.expand_as(reference)[at]
+        mean, stds = reference[at], std.expand_as(reference)[at]
+        spread = stds * (residual_scale[at[0], 0] if isinstance(residual_scale, Tensor) else residual_scale)
         z = side * (mean - end) / spread
         trust = _trust(-z)
         # For larger −z, hazard and z would cancel to 0.
         z = z.clamp(min=-REJECTED)
         hazard = torch.exp(-0.5 * z.square() - torch.special.log_ndtr(z) - _LOG_ROOT_TWO_PI)
         response[at] = mean + side * spread / (hazard + z)
-        weight[at] = trust * hazard * (hazard + z) / (spread / residual_scale).square()
+        weight[at] = trust * hazard * (hazard + z) / stds.square()
         # A clipped value is no measure of the fit, unless it is an outlier.
         plain[at] = trust == 0
-    return LeastSquares(response, weight, plain, means, errors)
+    return LeastSquares(response, weight, plain, means, errors, rejection)
+
+
+def deviations(reference: Tensor, radiance: Tensor, noise: MeasurementNoise) -> Deviations:
+    """How far values lie from the model; arguments as in `about`."""
+    std = noise.variance(reference).sqrt()
+    size = (radiance - reference).abs() / std
+    clear = torch.ones_like(size, dtype=torch.bool)
+    if noise.limits is not None and noise.comparison is None:
+        clear = _clear(reference, noise.limits, std)
+        if (clipped := noise.clipped_values()) is not None:
+            at, side, end = clipped
+            size[at] = (side * (end - reference[at]) / std.expand_as(size)[at]).clamp(min=0)
+            clear[at] = False
+    return Deviations(size, clear)
+
+
+def _clear(reference: Tensor, limits: Limits, std: Tensor) -> Tensor:
+    """Where a model [n, C] lies so far inside the sensor's range that noise of `std` clips no value."""
+    return torch.minimum(reference - limits.lower, limits.upper - reference) > _CLEAR_OF_CLIPPING * std
 
 
 def _compared(

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from torch import Tensor
 
+from matest.samples.residual_scale import ResidualScale
 from matest.samples.tiles import Tile
 
 # A square is split where the model leaves the polynomial by more than this share of the noise of the square's mean.
@@ -45,12 +46,13 @@ class MergedSquares:
     tiers: tuple[tuple[Tier, int], ...]
     split: Callable[[Mapping[Tier, np.ndarray]], Tile]
 
-    def judge(self, tile: Tile, reference: Tensor, residual_scale: float) -> tuple[Tile, Tile | None]:
+    def judge(self, tile: Tile, reference: Tensor, residual_scale: ResidualScale) -> tuple[Tile, Tile | None]:
         """The tile without the squares over which the model is not the polynomial, and those squares split.
 
         Args:
             tile: that these squares belong to.
-            reference, residual_scale: as in `likelihood.about`.
+            reference: model radiance near the solution.
+            residual_scale: by which outliers are judged.
         """
         assert tile.means is not None
         pixels, curved, start = tile.means.pixels.clone(), {}, 0
@@ -60,7 +62,7 @@ class MergedSquares:
             # From the samples of each square to its checks, in every channel [C, count, checks].
             expected = reference[nodes].T.reshape(-1, count, len(tier.shares)) @ tier.checks.T.to(reference)
             variance = tile.batch.noise[checked].variance(reference[checked])
-            allowed = _MAX_DEVIATION * residual_scale * (variance / float(tier.shares.sum())).sqrt()
+            allowed = _MAX_DEVIATION * residual_scale.smallest * (variance / float(tier.shares.sum())).sqrt()
             deviation = (reference[checked] - expected.flatten(1).T).abs()
             of_square = (deviation > allowed).any(dim=-1).unflatten(0, (count, -1)).any(dim=-1)
             pixels[nodes].unflatten(0, (count, -1))[of_square] = 0

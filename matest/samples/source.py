@@ -11,6 +11,7 @@ from torch import Tensor
 from matest.parameters import Role
 from matest.samples.batch import Batch
 from matest.samples.groups import Groups
+from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
 from matest.samples.tiles import Tiles
 
 
@@ -53,8 +54,8 @@ class Samples(Protocol):
     def pilot(self, count: int, seed: int) -> list[Batch]:
         """About `count` samples with every angle and every image, which carry most of the information."""
 
-    def tiles(self, residual_scale: float = 1.0) -> Tiles:
-        """All samples, or fewer that replace many; `residual_scale` as in `likelihood.about`."""
+    def tiles(self, residual_scale: ResidualScale = NOISE_ALONE) -> Tiles:
+        """All samples, or fewer that replace many; outliers are judged by the `residual_scale`."""
 
     def batches(self, size: int, *, shuffle: bool = False, seed: int = 0, skip: int = 0) -> Iterator[Batch]:
         """All samples in batches of `size` for a training loop; the first `skip` are left out."""

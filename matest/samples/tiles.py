@@ -12,6 +12,7 @@ from torch import Tensor
 from matest.samples import likelihood
 from matest.samples.batch import Batch
 from matest.samples.likelihood import LeastSquares, Means
+from matest.samples.residual_scale import NOISE_ALONE, ResidualScale, half_angle, like_angled
 
 if TYPE_CHECKING:
     from matest.samples.merging import MergedSquares
@@ -38,13 +39,24 @@ class Tile:
     def __len__(self) -> int:
         return len(self.batch)
 
+    @property
+    def half_angles(self) -> Tensor:
+        """See `residual_scale.half_angle`."""
+        cache = {} if self.cache is None else self.cache
+        if "half angles" not in cache:
+            cache["half angles"] = half_angle(self.batch.points).expand(len(self))
+        angles: Tensor = cache["half angles"]
+        return angles
+
     def first_guess(self) -> LeastSquares:
         """See `likelihood.first_guess`."""
-        return likelihood.first_guess(self.batch.radiance, self.batch.noise, self.means)
+        _, classes = like_angled(self.half_angles)
+        return likelihood.first_guess(self.batch.radiance, self.batch.noise, self.means, classes)
 
-    def about(self, reference: Tensor, residual_scale: float = 1.0) -> LeastSquares:
+    def about(self, reference: Tensor, residual_scale: ResidualScale = NOISE_ALONE) -> LeastSquares:
         """See `likelihood.about`."""
-        return likelihood.about(reference, self.batch.radiance, self.batch.noise, self.means, residual_scale)
+        batch = self.batch
+        return likelihood.about(reference, batch.radiance, batch.noise, self.means, residual_scale.at(batch.points))
 
 
 # Tiles of one group are computed at the same time, groups one after the other.

@@ -16,6 +16,7 @@ from matest.parameters import Role
 from matest.samples import Batch, Groups, Tile, Tiles
 from matest.samples.account import Account
 from matest.samples.likelihood import MeasurementNoise, Readout
+from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
 from matest.scene import Points
 from matest.tables.loss import Loss
 from matest.tables.table import Table
@@ -168,7 +169,7 @@ class TableSamples:
             for number in labels.unique().tolist()
         ]
 
-    def tiles(self, residual_scale: float = 1.0) -> Tiles:  # noqa: ARG002
+    def tiles(self, residual_scale: ResidualScale = NOISE_ALONE) -> Tiles:  # noqa: ARG002
         starts = range(0, len(self), _TILE_ROWS)
         return [[partial(self._tile, start) for start in starts]]
 

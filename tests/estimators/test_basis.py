@@ -19,6 +19,7 @@ from matest.estimators.statistics import Statistics
 from matest.photographs.noise import Noise
 from matest.photographs.samples import PhotographSamples
 from matest.samples import Batch, Tile
+from matest.samples.residual_scale import ResidualScale
 from matest.shading import shade
 from tests.captures import directional
 from tests.problems import ordinary, problem
@@ -238,7 +239,7 @@ def test_statistics_are_those_of_the_dense_matrices() -> None:
     residual = (batch.radiance - radiance).reshape(-1)
 
     # So large a misfit that nothing is an outlier.
-    found = accumulate(chosen, unknowns, [[lambda: Tile(batch)]], reference, residual_scale=1e6)
+    found = accumulate(chosen, unknowns, [[lambda: Tile(batch)]], reference, ResidualScale.uniform(1e6))
     torch.testing.assert_close(found.information, jacobian.T @ (weight[:, None] * jacobian), rtol=1e-11, atol=0)
     gradient = jacobian.T @ (weight * residual)
     torch.testing.assert_close(found.gradient, gradient, rtol=1e-9, atol=1e-9 * float(gradient.abs().max()))

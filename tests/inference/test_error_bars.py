@@ -14,7 +14,8 @@ from matest.estimators import Solution, Statistics
 from matest.estimators.moments import scores
 from matest.inference.error_bars import error_bars, expected_error_bars
 from matest.inference.expansion import Expansion
-from tests.inference.judged import judged, solved, source
+from matest.samples import Groups
+from tests.inference.judged import Source, judged, solved, source
 from tests.problems import problem
 from tests.simulated import Studio
 
@@ -54,6 +55,20 @@ def test_stated_noise_is_exact_and_estimated_noise_is_not() -> None:
     solution = solved(balanced(6), chi2=1.06)
     assert not error_bars(solution, source(6, noise_stated=True)).holds
     assert error_bars(solution, source(6, noise_stated=False)).holds
+
+
+@pytest.mark.parametrize(
+    ("lights", "repeats", "kind"), [(4, 3, "jackknife over lights"), (2, 3, "jackknife over blocks")]
+)
+def test_repeated_photographs_do_not_shrink_the_error_bar_of_a_misfit(lights: int, repeats: int, kind: str) -> None:
+    misfit = balanced(4 * lights)
+    once = error_bars(solved(misfit, chi2=4.0), source(lights, 4))
+    groups = Groups(torch.arange(lights * repeats).repeat_interleave(4), torch.arange(lights).repeat(repeats))
+    again = error_bars(solved(misfit.repeat(repeats, 1), chi2=4.0), Source(noise_stated=True, groups=groups))
+    assert once.kind == kind.replace("lights", "images")
+    assert again.kind == kind
+    assert again.covariance.std.tolist() == pytest.approx(once.covariance.std.tolist())
+    assert again.covariance.degrees == once.covariance.degrees
 
 
 def test_few_values_miss_by_chance() -> None:

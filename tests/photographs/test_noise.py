@@ -49,6 +49,15 @@ def test_rounding_to_integers_adds_to_the_noise_of_the_sensor():
 
 def test_floats_stated_to_be_without_noise_are_as_good_as_their_geometry():
     pixels = np.array([[0.2], [0.8]], np.float32)
-    assert stated_noise(Noise(0.0, 0.0), Encoding(), pixels).read == pytest.approx(FLOAT_FLOOR * 0.8)
-    assert stated_noise(Noise(0.0, GAIN), Encoding(), 0 * pixels).read > 0
-    assert stated_noise(Noise(READ, GAIN), Encoding(), pixels) == Noise(READ, GAIN)
+    nowhere = np.zeros((0, 9), dtype=np.int64)
+    assert stated_noise(Noise(0.0, 0.0), Encoding(), pixels, nowhere).read == pytest.approx(FLOAT_FLOOR * 0.8)
+    assert stated_noise(Noise(0.0, GAIN), Encoding(), 0 * pixels, nowhere).read > 0
+    assert stated_noise(Noise(READ, GAIN), Encoding(), pixels, nowhere) == Noise(READ, GAIN)
+
+
+def test_one_wild_pixel_is_no_peak_of_floats_without_noise():
+    pixels = np.linspace(0.2, 0.8, 100, dtype=np.float32)[:, None]
+    everywhere = np.arange(90)[:, None] + np.arange(9)
+    clean = stated_noise(Noise(0.0, 0.0), Encoding(), pixels, everywhere).read
+    pixels[50] = 1e9
+    assert stated_noise(Noise(0.0, 0.0), Encoding(), pixels, everywhere).read == pytest.approx(clean, rel=0.1)

@@ -52,6 +52,39 @@ def test_read_noise_and_gain_are_found_within_their_standard_errors(read: float,
     assert np.sqrt(np.square(errors).mean()) < 1.7
 
 
+@pytest.mark.parametrize("size", [3.0, 1e3, 1e9, -1e9, 1e14])
+def test_one_wild_pixel_does_not_change_the_noise(size: float) -> None:
+    images = [image.astype(np.float32) for image in photographs(READ, GAIN, 0)]
+    clean = noise_of_photographs(images, Encoding(), WINDOWS)
+    images[1][WINDOWS[len(WINDOWS) // 2, 3]] = size
+    noise = noise_of_photographs(images, Encoding(), WINDOWS)
+    assert abs(noise.read - clean.read) < 0.3 * clean.read_std
+    assert abs(noise.gain - clean.gain) < 0.3 * clean.gain_std
+
+
+def test_a_hundredth_of_wild_pixels_of_every_size_moves_the_noise_by_no_more_than_it_is_uncertain() -> None:
+    shifts = []
+    for seed in range(6):
+        images = photographs(READ, GAIN, seed)
+        clean = noise_of_photographs(images, Encoding(), WINDOWS)
+        rng = np.random.default_rng(seed)
+        for image in images:
+            wild = rng.random(len(image)) < 0.01
+            image[wild] = 10 ** rng.uniform(-3, 6, (int(wild.sum()), 1)) * rng.choice([-1, 1], (int(wild.sum()), 1))
+        noise = noise_of_photographs(images, Encoding(), WINDOWS)
+        shifts.append([(noise.read - clean.read) / clean.read_std, (noise.gain - clean.gain) / clean.gain_std])
+    # Without a tenth of the windows it would move by a third of its error anyhow.
+    assert np.sqrt(np.square(shifts).mean(axis=0)).max() < 1
+
+
+def test_the_edge_of_a_shadow_is_not_wild() -> None:
+    shadow = np.where(SURFACE.pixels % SURFACE.shape[1] < 100, 0.3, 1.0)[:, None]
+    for seed in range(3):
+        images = photographs(READ, GAIN, seed, shadow)
+        noise = noise_of_photographs(images, Encoding(), WINDOWS)
+        assert noise.gain == pytest.approx(GAIN, abs=4 * noise.gain_std)
+
+
 def test_fewer_photographs_give_larger_standard_errors() -> None:
     images = photographs(READ, GAIN, 0)
     one, four = (noise_of_photographs(images[:count], Encoding(), WINDOWS) for count in (1, 4))

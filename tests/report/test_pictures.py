@@ -15,6 +15,7 @@ from matest.photographs.images import read_image
 from matest.photographs.photometry import Encoding
 from matest.report.picture_size import PictureSize
 from matest.report.pictures import RESIDUAL_RANGE, write_columns, write_pictures
+from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
 from matest.shading import render
 from tests.captures import changed, directional
 from tests.simulated import DIRECTIONS, Studio, coloured
@@ -94,6 +95,19 @@ def test_a_clipped_channel_counts_where_the_model_lies_below_the_clip(tmp_path: 
 def test_a_pixel_whose_channels_are_all_clipped_is_grey(tmp_path: Path) -> None:
     write_pictures(clipped(0.3, 0.3, 0.2), TRUTH, tmp_path)
     assert middle(picture(tmp_path, "00_residual.png")) == [GREY] * 3
+
+
+def test_an_outlier_of_the_fit_is_grey_and_what_counted_is_not(tmp_path: Path) -> None:
+    photographs = capture()
+    stored = [image.copy() for image in photographs.photographs.stored]
+    surface = photographs.scene.surface
+    stored[0][surface.pixels == 12 * surface.shape[1] + 12] = 50.0
+    spoilt = changed(photographs, stored=tuple(stored))
+    write_pictures(spoilt, TRUTH, tmp_path / "fit", residual_scale=NOISE_ALONE)
+    assert middle(picture(tmp_path / "fit", "00_residual.png")) == [GREY] * 3
+    # Where the model misses that much everywhere, it counted.
+    write_pictures(spoilt, TRUTH, tmp_path / "misfit", residual_scale=ResidualScale.uniform(1e6))
+    assert middle(picture(tmp_path / "misfit", "00_residual.png")) == [178, 24, 43]
 
 
 def test_full_colour_is_the_stated_share_of_the_brightness(tmp_path: Path) -> None:

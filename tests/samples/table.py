@@ -11,6 +11,7 @@ from torch import Tensor
 from matest.parameters import Role
 from matest.samples import Batch, Groups, Tiles
 from matest.samples.likelihood import MeasurementNoise, Readout
+from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
 from matest.samples.tiles import in_memory
 from matest.scene import Points
 
@@ -58,7 +59,7 @@ class Table:
         order = torch.randperm(len(self), generator=torch.Generator().manual_seed(seed))[:count]
         return [self._rows(order.sort().values)]
 
-    def tiles(self, residual_scale: float = 1.0) -> Tiles:  # noqa: ARG002
+    def tiles(self, residual_scale: ResidualScale = NOISE_ALONE) -> Tiles:  # noqa: ARG002
         return in_memory([self._rows(torch.arange(len(self)))])
 
     def batches(self, size: int, *, shuffle: bool = False, seed: int = 0, skip: int = 0) -> Iterator[Batch]:

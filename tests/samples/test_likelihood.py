@@ -10,7 +10,8 @@ from torch import Tensor
 
 from matest.samples import Batch, Tile
 from matest.samples.batch import join
-from matest.samples.likelihood import Comparison, Limits, MeasurementNoise, Readout, about
+from matest.samples.likelihood import Comparison, Limits, MeasurementNoise, Readout, about, deviations
+from matest.samples.residual_scale import ResidualScale
 from matest.scene import Points
 
 READ, GAIN = 0.02, 0.01
@@ -69,7 +70,7 @@ def test_outliers_have_no_weight_and_ordinary_noise_all_of_it() -> None:
     assert plain.all()
     # Where the model misses everything by as much, these are no outliers.
     torch.testing.assert_close(
-        values.about(reference, residual_scale=12.0).weight * std**2, torch.ones(5, 1, dtype=DOUBLE)
+        values.about(reference, ResidualScale.uniform(12.0)).weight * std**2, torch.ones(5, 1, dtype=DOUBLE)
     )
 
 
@@ -84,6 +85,24 @@ def test_a_first_guess_takes_clipped_values_as_measured() -> None:
     torch.testing.assert_close(response, radiance)
     torch.testing.assert_close(weight, 1 / (READ**2 + GAIN * radiance))
     assert plain.all()
+
+
+@pytest.mark.parametrize("wild", [1e3, -1e3, 1e15])
+def test_a_first_guess_leaves_wild_values_out_and_no_others(wild: float) -> None:
+    radiance = torch.linspace(0.01, 0.6, 50, dtype=DOUBLE)[:, None]
+    assert bool((tile(radiance).first_guess().weight > 0).all())
+    radiance[7] = wild
+    assert (tile(radiance).first_guess().weight == 0).nonzero()[:, 0].tolist() == [7]
+
+
+def test_deviations_of_clipped_values_are_those_of_the_nearest_radiance_that_they_may_have() -> None:
+    reference = torch.tensor([[0.5], [0.5], [1.5], [0.9]], dtype=DOUBLE)
+    clipped = torch.tensor([[0], [1], [1], [0]], dtype=torch.int8)
+    batch = tile(torch.tensor([[0.6], [1.0], [1.0], [0.9]], dtype=DOUBLE), clipped).batch
+    std = batch.variance(reference[:1]).sqrt().item()
+    size, clear = deviations(reference, batch.radiance, batch.noise)
+    assert size[:, 0].tolist() == pytest.approx([0.1 / std, 0.5 / std, 0.0, 0.0])
+    assert clear[:, 0].tolist() == [True, False, False, False]
 
 
 def test_a_comparison_has_the_score_of_its_cost_and_no_outliers() -> None:
