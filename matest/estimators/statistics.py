@@ -134,6 +134,11 @@ class Statistics:
             total.index_put_((self.places,), self.gradients, accumulate=True)
         return total if self.prior is None else total + self.prior.pull
 
+    @property
+    def gradient_by_group(self) -> Tensor:
+        """JᵀWr of each group by all unknowns, without the priors [B, P]."""
+        return self.gradients if self.places is None else self._dense.gradients
+
     def only(self, position: int) -> Statistics:
         """The statistics of one of the B groups, without the priors."""
         row = slice(position, position + 1)

@@ -68,11 +68,15 @@ class Groups:
     @property
     def place(self) -> Tensor:
         """A label of each group's block of pixels and its `setting`, int64 [G]: repeated photographs share labels."""
+        return self.setting * int(torch.bincount(self.image).max()) + self.block
+
+    @property
+    def block(self) -> Tensor:
+        """The block of pixels of each group, int64 [G]: a part of the object, the same in all images."""
         order = torch.argsort(self.image, stable=True)
         sizes = torch.bincount(self.image)
         starts = (sizes.cumsum(0) - sizes).repeat_interleave(sizes)
-        block = torch.empty_like(self.image).index_put_((order,), torch.arange(len(order)) - starts)
-        return self.setting * int(sizes.max()) + block
+        return torch.empty_like(self.image).index_put_((order,), torch.arange(len(order)) - starts)
 
     def group_of(self, batch: Batch) -> Tensor:
         """The group of every sample of a batch, int64 [n]."""

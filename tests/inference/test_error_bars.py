@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
-from matest.brdf import CookTorrance
+import matest
+from matest.brdf import CookTorrance, Lambert
 from matest.estimators import Solution, Statistics
 from matest.estimators.moments import scores
 from matest.inference.error_bars import error_bars, expected_error_bars
@@ -17,7 +19,7 @@ from matest.inference.expansion import Expansion
 from matest.samples import Groups
 from tests.inference.judged import Source, judged, solved, source
 from tests.problems import problem
-from tests.simulated import Studio
+from tests.simulated import Studio, coloured
 
 
 def balanced(groups: int, spread: float = 0.0) -> Tensor:
@@ -188,3 +190,16 @@ def test_the_domain_of_a_gauge_does_not_hide_how_little_samples_are_to_be_truste
     assert bars.kind == "jackknife over images"
     assert float(bars.open.std[2]) < 2 / math.sqrt(3)
     assert float(bars.widening[2]) * (4 / 6 / 400) ** 0.5 > 2 / math.sqrt(3)
+
+
+def test_what_parts_of_the_object_have_in_common_in_all_images_widens_error_bars() -> None:
+    """An albedo that varies is in every image alike: images left out do not show it."""
+    material, studio = Lambert([0.7, 0.5, 0.3]), Studio(size=64, lights=coloured())
+    radiance = studio.clean(material)
+    columns = studio.scene.surface.pixels % studio.size
+    halves = np.where(columns < studio.size / 2, 0.9, 1.1)[None, :, None]
+    albedo = matest.estimate(studio.expose(radiance * halves, 1), "lambert").parameters["albedo"]
+    # Four columns of blocks whose factors are 0.9 or 1.1: their mean has a standard error of 0.1 / √4.
+    relative = [std / value for std, value in zip(albedo.std, [0.7, 0.5, 0.3], strict=True)]
+    assert all(0.03 < std < 0.08 for std in relative)
+    assert all(low < value < high for value, (low, high) in zip([0.7, 0.5, 0.3], albedo.interval95, strict=True))
