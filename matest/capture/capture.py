@@ -31,6 +31,9 @@ from matest.workers import in_threads
 # Images that a note lists by name, at most.
 _NAMES = 3
 
+# Pixels. An error of the circle of a sphere of 40 pixels' radius by this much moves its roughness by 0.1 %.
+_EXACT_CIRCLE = 0.005
+
 
 @dataclass(frozen=True)
 class Capture:
@@ -85,12 +88,18 @@ class Capture:
         """Of the pose and the radius of a sphere whose circle was fitted to the mask; none is stated of other objects.
 
         It holds what the edge of the mask scatters about the circle, not a mask that is too wide all around. The
-        second number of the pose is the angle that the first subtends at the radius: nothing depends on it.
+        second number of the pose is the angle that the first subtends at the radius: nothing depends on it. A circle
+        that is known so well that no estimate depends on its errors has none.
         """
         circle = self.scene.surface.circle
-        if circle is None:
+        if circle is None or max(circle.centre_std, circle.radius_std) < _EXACT_CIRCLE:
             return Uncertainty()
         return Uncertainty(pose=(circle.centre_std, circle.centre_std / circle.radius), radius=circle.radius_std)
+
+    @property
+    def stated_uncertainty(self) -> Uncertainty:
+        """What capture.toml states of the calibration, and of the circle of a sphere otherwise what its fit gives."""
+        return self.circle_uncertainty.merged(self.uncertainty)
 
     def radiance(self, image: int, index: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Measured radiance [n, C] of object pixels, float32."""

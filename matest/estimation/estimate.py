@@ -104,7 +104,7 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
             f"{capture.name}: no value lies inside the sensor's range and near the model: the object is saturated or "
             "black in every image. Photograph it with another exposure."
         )
-    calibration = Calibration.of(options, capture.uncertainty, samples, solution.problem)
+    calibration = Calibration.of(options, capture.stated_uncertainty, samples, solution.problem)
     solution = calibration.refine(solution, samples, options.seed, progress)
     posterior = judge(solution, samples, budget=calibration.budget(solution, samples, options.seed))
     sentence = message(solution, posterior.bars, unread_samples(samples, solution))

@@ -81,6 +81,7 @@ def test_only_a_circle_that_was_fitted_is_uncertain(folder):
     assert angle == pytest.approx(pixels / RADIUS, rel=0.01)
     assert 0.01 < capture.circle_uncertainty.radius < 0.1
     assert capture.uncertainty == Uncertainty(radius=0.7)
+    assert capture.stated_uncertainty == Uncertainty(pose=(pixels, angle), radius=0.7)
 
 
 def test_an_integer_normal_map_encodes_minus_one_to_one(folder):
