@@ -61,12 +61,14 @@ class Candidate:
             noise, over a sample even over angles; models are compared by it.
         relative_rmse: error on images left out, over all usable values, as in `Fit`.
         reason: why the model was chosen or not.
+        chosen: whether it is the model of the estimate.
     """
 
     model: str
     score: float
     relative_rmse: float
     reason: str
+    chosen: bool = False
 
 
 @dataclass(frozen=True)

@@ -71,7 +71,13 @@ class Selection:
     def candidates(self) -> list[Candidate]:
         """The record of the comparison."""
         return [
-            Candidate(trial.recipe.expression, trial.score, trial.relative_rmse, reason.format(unit=self.unit))
+            Candidate(
+                trial.recipe.expression,
+                trial.score,
+                trial.relative_rmse,
+                reason.format(unit=self.unit),
+                chosen=trial is self.best,
+            )
             for trial, reason in zip(self.trials, self.reasons, strict=True)
         ]
 

@@ -18,9 +18,11 @@ from matest.estimation.table_fit import Misfit, TableFit
 from matest.parameters import options_of, parameters_of
 from matest.profiles import Comparison
 from matest.report.format import (
+    CANDIDATES_LEGEND,
     CANDIDATES_TITLE,
     MISFIT_COLUMNS,
     PARAMETER_COLUMNS,
+    candidate_cells,
     channel_names,
     misfit_cells,
     rows,
@@ -73,7 +75,7 @@ def estimate_table(estimate: Estimate) -> Group:
     channels = estimate.channel_labels or channel_names(estimate.channels)
     add_parameters(table, estimate.parameters, lambda label, parameter: rows(label, parameter, channels))
     return Group(
-        *([_candidates(estimate)] if estimate.candidates else []),
+        *([_candidates(estimate), Text(CANDIDATES_LEGEND, style="dim"), Text()] if estimate.candidates else []),
         table,
         Text(estimate.fit.message),
         Text(_errors(estimate)),
@@ -85,9 +87,9 @@ def estimate_table(estimate: Estimate) -> Group:
 def _errors(estimate: Estimate) -> str:
     """The error of the fit and what it is of, in a sentence."""
     fit = estimate.fit
-    sentence = f"relative rms error {fit.relative_rmse:.2%}"
+    sentence = f"relative rms error {share(fit.relative_rmse)}"
     if fit.values_left_out:
-        trimmed = f"{fit.relative_rmse_trimmed:.2%}"
+        trimmed = share(fit.relative_rmse_trimmed)
         left_out = fit.values_left_out
         values = "the value" if left_out == 1 else f"the {left_out:,} values"
         sentence += f" ({trimmed} without {values} left out as {'an outlier' if left_out == 1 else 'outliers'})"
@@ -121,7 +123,7 @@ def summary_table(estimates: Mapping[str, Estimate | str]) -> Table:
         if isinstance(estimate, str):
             table.add_row(name, "", "", Text(estimate, style="red"))
         else:
-            table.add_row(name, estimate.model, f"{estimate.fit.relative_rmse:.2%}", estimate.fit.status)
+            table.add_row(name, estimate.model, share(estimate.fit.relative_rmse), estimate.fit.status)
     return table
 
 
@@ -180,7 +182,8 @@ def _candidates(estimate: Estimate) -> Table:
     columns = Column("model", no_wrap=True), Column("error", justify="right"), Column("verdict", overflow="fold")
     table = plain_table(*columns, title=CANDIDATES_TITLE)
     for candidate in estimate.candidates:
-        table.add_row(_in_lines(candidate.model), f"{candidate.relative_rmse:.2%}", candidate.reason)
+        expression, error, verdict = candidate_cells(candidate)
+        table.add_row(_in_lines(expression), error, verdict, style="bold" if candidate.chosen else "")
     return table
 
 

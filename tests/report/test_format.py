@@ -114,8 +114,10 @@ def test_an_interval_has_the_digits_of_its_width(ends: list[float], text: str) -
     assert interval == text
 
 
-@pytest.mark.parametrize(("value", "text"), [(0.0113, "1.13%"), (None, "no usable pixel")])
-def test_a_share_is_in_per_cent(value: float | None, text: str) -> None:
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.0113, "1.13%"), (9.99, "999.00%"), (81.234, "81.2 ×"), (None, "no usable pixel")]
+)
+def test_a_share_is_in_per_cent_and_a_large_one_a_multiple(value: float | None, text: str) -> None:
     assert share(value) == text
 
 

@@ -48,10 +48,20 @@ def test_the_colour_of_a_status_says_how_good_it_is(parameter: object, code: str
     assert (f"{code}{status}" if code else f" {status}") in text
 
 
+def test_only_the_row_of_the_chosen_model_is_bold() -> None:
+    rows = printed(estimate_table(clay()), colour=True).split("Models tried")[1].split("Left out in turn")[0]
+    assert ["\x1b[1m" in line for line in rows.splitlines() if "the simplest" in line or "chosen: " in line] == [
+        False,
+        True,
+    ]
+
+
 def test_an_estimate_shows_errors_what_was_left_out_and_warnings() -> None:
     text = words(estimate_table(clay(skipped={"samples": {"saturated": 5}})))
     for part in (
         "Models tried",
+        "chosen: predicts images left out better than lambert",
+        "of one or two images four horizontal bands of each; of a measured table incidences",
         "0.5236 ± 0.0021 rad",
         "relative rms error 1.13%, 120,000 of 123,456 samples and 5 with a saturated channel, "
         "2.00% on the images left out.",
