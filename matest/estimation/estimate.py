@@ -123,7 +123,9 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         skipped=skipped(samples, solution, len(held_out), selection.unsupported if selection else []),
         timing_s={**{stage: capture.timing.get(stage, 0.0) for stage in ("read", "geometry")}, "fit": fit_s},
         holdout=holdout,
-        warnings=warnings(Context(samples, specification, solution, posterior, options.precision, said)),
+        warnings=warnings(
+            Context(samples, specification, solution, posterior, options.precision, said, named=selection is None)
+        ),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,6 +22,9 @@ from matest.samples.account import Account, AccountedSamples
 _MIN_COVERAGE = 0.5
 # Relative rms error above which a mistake in the set-up is likelier than a model that is a little off.
 _POOR_ERROR = 0.15
+# Residuals in units of the noise from which on a model does not describe the samples, whoever looks at them; noise that
+# was estimated a little low, and misfits that are seen only in it, make less.
+_FAR_FROM_NOISE = 3.0
 # Share of outliers above which noise alone does not explain a poor fit.
 _OUTLIERS_BEYOND_NOISE = 0.001
 # Share of outliers above which the user is told.
@@ -47,6 +51,7 @@ class Context:
         solution, posterior: the result of the fit.
         precision: relative standard error that the user asked for; None: no such wish.
         selection: what is to be said of the choice of the model.
+        named: whether the user named the model.
     """
 
     samples: AccountedSamples
@@ -55,6 +60,7 @@ class Context:
     posterior: Posterior
     precision: float | None
     selection: Sequence[str] = ()
+    named: bool = True
 
     @property
     def account(self) -> Account:
@@ -94,6 +100,17 @@ def warnings(context: Context, rules: Sequence[Rule] | None = None) -> list[str]
     """The sentences of the rules that apply to an estimate; None: of all rules for photographs."""
     spoken = RULES if rules is None else rules
     return [*context.selection, *(warning for rule in spoken for warning in rule(context))]
+
+
+def _not_described(context: Context) -> Iterator[str]:
+    """Of a model that `auto` chose its own sentence says so."""
+    bars, subject = context.posterior.bars, context.account.subject
+    times = math.sqrt(bars.chi2)
+    if context.named and not bars.holds and times > _FAR_FROM_NOISE:
+        yield (
+            f"The model does not describe the {subject}: residuals are {times:.3g} times the noise. Try --model auto, "
+            f"or check what is stated of these {subject}."
+        )
 
 
 def _relative_radiometry(context: Context) -> Iterator[str]:
@@ -289,6 +306,7 @@ def _imprecise(context: Context) -> Iterator[str]:
 
 # In the order of the sentences.
 RULES: tuple[Rule, ...] = (
+    _not_described,
     _relative_radiometry,
     _held_by_default,
     _f0_too_low,
@@ -315,6 +333,7 @@ RULES: tuple[Rule, ...] = (
 )
 # Of these the rules that hold for samples of any kind.
 GENERAL_RULES: tuple[Rule, ...] = (
+    _not_described,
     _held_by_default,
     _f0_too_low,
     _notes_of_readers,
