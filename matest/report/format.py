@@ -14,8 +14,8 @@ PARAMETER_COLUMNS = ("parameter", "value ± standard error", "95 % interval", "s
 MISFIT_COLUMNS = ("values", "relative rms error", "error of cube roots", "relative to them")
 CANDIDATES_TITLE = "Models tried, and their relative rms error on what was left out"
 CANDIDATES_LEGEND = (
-    "Left out in turn: images; of one or two images four horizontal bands of each; of a measured table incidences (polar "
-    "angles of the light)."
+    "Left out in turn: images; of one or two images four horizontal bands of each; of a measured table incidences "
+    "(polar angles of the light)."
 )
 # Relative error from which on a multiple is read more easily than per cent.
 _LARGE_SHARE = 10.0
