@@ -176,7 +176,9 @@ def fit_table_with(
     misfits = _misfits(samples, _model(samples, solution.problem, solution.unknowns))
     verdict = _verdict(misfits[0], named, selection is not None)
     said = [*([verdict] if verdict else []), *_where_missed(named, *misfits)]
-    context = Context(samples, specification, solution, posterior, None, named=selection is None)
+    context = Context(
+        samples, specification, solution, posterior, None, named=selection is None, channels=table.channels
+    )
     estimate = Estimate(
         capture=str(table.path.name),
         model=named,

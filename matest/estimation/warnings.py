@@ -14,7 +14,7 @@ from matest.estimators import Solution
 from matest.estimators.covariance import fisher
 from matest.inference.derived import shows_only_in_derived
 from matest.inference.posterior import Posterior
-from matest.inference.quantities import ParameterEstimate
+from matest.inference.quantities import ParameterEstimate, channel_names
 from matest.parameters import OPTICS, Role
 from matest.samples.account import Account, AccountedSamples
 
@@ -52,6 +52,7 @@ class Context:
         precision: relative standard error that the user asked for; None: no such wish.
         selection: what is to be said of the choice of the model.
         named: whether the user named the model.
+        channels: names of the channels; empty: R, G, B, or numbers.
     """
 
     samples: AccountedSamples
@@ -61,6 +62,7 @@ class Context:
     precision: float | None
     selection: Sequence[str] = ()
     named: bool = True
+    channels: Sequence[str] = ()
 
     @property
     def account(self) -> Account:
@@ -232,7 +234,7 @@ def _seen_together(context: Context) -> Iterator[str]:
 
 def _not_determined(context: Context) -> Iterator[str]:
     if names := context.not_determined_alone:
-        labels = [name + _channels(context.parameters[name]) for name in names]
+        labels = [name + _channels(context.parameters[name], context.channels) for name in names]
         verb = "are" if len(names) > 1 else "is"
         yield f"{' and '.join(labels)} {verb} not determined by these {context.account.subject}."
 
@@ -351,10 +353,10 @@ def _numbers(parameter: ParameterEstimate) -> list[tuple[float | None, float | N
     return [(value, std)] if not isinstance(value, list) and not isinstance(std, list) else []
 
 
-def _channels(parameter: ParameterEstimate) -> str:
+def _channels(parameter: ParameterEstimate, names: Sequence[str]) -> str:
     """Words for the channels of a parameter that are not determined; empty if all are or none is."""
     values = parameter.value if isinstance(parameter.value, list) else []
-    channels = [str(channel) for channel, value in enumerate(values) if value is None]
+    channels = [name for name, value in zip(names or channel_names(len(values)), values, strict=False) if value is None]
     return f" of channel {', '.join(channels)}" if 0 < len(channels) < len(values) else ""
 
 

@@ -86,10 +86,6 @@ def stages(timing_s: Mapping[str, float]) -> str:
     return ", ".join(f"{stage} {seconds:.2f} s" for stage, seconds in timing_s.items())
 
 
-def channel_names(count: int) -> tuple[str, ...]:
-    return ("R", "G", "B") if count == 3 else tuple(str(k) for k in range(count))
-
-
 def _cells(value: float | None, std: float | None, interval: list[float] | None, unit: str) -> tuple[str, str]:
     if value is None:
         return "-", "-"

@@ -11,7 +11,6 @@ from matest.report.format import (
     CANDIDATES_TITLE,
     PARAMETER_COLUMNS,
     candidate_cells,
-    channel_names,
     chi2,
     rows,
     share,
@@ -70,7 +69,7 @@ def document(title: str, sections: Sequence[str]) -> str:
 
 def parameters(estimate: Estimate) -> str:
     """Title, verdict, table of the parameters, warnings."""
-    channels = estimate.channel_labels or channel_names(estimate.channels)
+    channels = estimate.channel_names
     body = [
         (*row, parameter.doc)
         for name, parameter in estimate.parameters.items()

@@ -23,7 +23,6 @@ from matest.report.format import (
     MISFIT_COLUMNS,
     PARAMETER_COLUMNS,
     candidate_cells,
-    channel_names,
     misfit_cells,
     rows,
     share,
@@ -72,7 +71,7 @@ def estimate_table(estimate: Estimate) -> Group:
     """Parameters with error bars, quality of the fit, warnings."""
     columns = (Column(name, no_wrap=name != "value ± standard error") for name in PARAMETER_COLUMNS)
     table = plain_table(*columns, title=f"{estimate.capture}: {estimate.model}")
-    channels = estimate.channel_labels or channel_names(estimate.channels)
+    channels = estimate.channel_names
     add_parameters(table, estimate.parameters, lambda label, parameter: rows(label, parameter, channels))
     return Group(
         *([_candidates(estimate), Text(CANDIDATES_LEGEND, style="dim"), Text()] if estimate.candidates else []),

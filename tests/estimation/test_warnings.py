@@ -235,11 +235,18 @@ def test_few_values_are_told_to_give_uncertain_error_bars(context: Context, valu
 def test_channels_that_are_not_determined_are_named(context: Context) -> None:
     albedo = ParameterEstimate([0.5, None, 0.3], [0.1, None, 0.1], [[0, 1], None, [0, 1]], "1", "not determined")
     estimates = {**context.posterior.estimates, "albedo": albedo}
-    assert told(context, estimates=estimates) == ["albedo of channel 1 is not determined by these images."]
+    assert told(context, estimates=estimates) == ["albedo of channel G is not determined by these images."]
     sigma = ParameterEstimate(None, None, None, "rad", "not determined")
     assert told(context, estimates={**estimates, "sigma": sigma}) == [
-        "albedo of channel 1 and sigma are not determined by these images."
+        "albedo of channel G and sigma are not determined by these images."
     ]
+
+
+def test_channels_have_the_names_of_their_table(context: Context) -> None:
+    albedo = ParameterEstimate([0.5, None], [0.1, None], [[0, 1], None], "1", "not determined")
+    posterior = replace(context.posterior, estimates={**context.posterior.estimates, "albedo": albedo})
+    said = warnings(replace(context, posterior=posterior, channels=("450 nm", "550 nm")))
+    assert "albedo of channel 550 nm is not determined by these images." in said
 
 
 def test_every_rule_is_silent_where_there_is_nothing_to_tell(context: Context) -> None:
