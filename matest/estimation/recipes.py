@@ -61,6 +61,8 @@ _METALLIC = "f0=0.9"
 # The distribution of Trowbridge and Reitz, of longer tails, with the masking that belongs to it.
 _GGX = "distribution=ggx,masking=smith"
 
+# The last level of recipes that are compared in any case, the simplest models of all.
+LAST_LEVEL_OF_ALL = 1
 # The level of recipes of another slope distribution, tried where no model of the levels before holds or on request.
 DISTRIBUTIONS = 4
 

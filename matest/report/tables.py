@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TypeVar
 
@@ -13,6 +14,7 @@ from rich.text import Text
 from matest.brdf import Brdf
 from matest.brdf.presets import Preset
 from matest.estimation.prediction import PredictionErrors
+from matest.estimation.recipes import LAST_LEVEL_OF_ALL, Recipe
 from matest.estimation.result import Estimate
 from matest.estimation.table_fit import Misfit, TableFit
 from matest.parameters import options_of, parameters_of
@@ -34,6 +36,8 @@ _STATUS_STYLES = {
     "not determined": "red",
     **dict.fromkeys(("weak", "held", "at bound"), "yellow"),
 }
+# Columns of the words for a surface: beside them the longest model takes two lines of 80 columns.
+_SURFACE_WIDTH = 28
 Item = TypeVar("Item")
 
 
@@ -74,7 +78,7 @@ def estimate_table(estimate: Estimate) -> Group:
     channels = estimate.channel_names
     add_parameters(table, estimate.parameters, lambda label, parameter: rows(label, parameter, channels))
     return Group(
-        *([_candidates(estimate), Text(CANDIDATES_LEGEND, style="dim"), Text()] if estimate.candidates else []),
+        *(_candidates(estimate) if estimate.candidates else ()),
         table,
         Text(estimate.fit.message),
         Text(_errors(estimate)),
@@ -146,6 +150,18 @@ def models_table(models: Mapping[str, type[Brdf]]) -> Group:
     return Group(*parts)
 
 
+def recipes_table(recipes: Sequence[Recipe]) -> Table:
+    """What `auto` tries: kinds of surfaces and their models, in the parts that it tries one after the other."""
+    title = Text("What --model auto tries, part after part until no mixture would do better")
+    table = plain_table(Column("surface", max_width=_SURFACE_WIDTH), "model", title=title)
+    for recipe, following in itertools.zip_longest(recipes, recipes[1:]):
+        surface = f"{recipe.surface}, or {recipe.dielectric}" if recipe.dielectric else recipe.surface
+        is_last = following is not None and following.level > max(recipe.level, LAST_LEVEL_OF_ALL)
+        # A line may break after a comma, and the expression may be copied with the space.
+        table.add_row(surface, recipe.expression.replace(",", ", "), end_section=is_last)
+    return table
+
+
 def presets_table(presets: Mapping[str, Preset]) -> Table:
     """Named materials of the papers."""
     # A text, because a plain title takes [material] for markup.
@@ -177,13 +193,14 @@ def comparison_table(comparison: Comparison, notes: Sequence[str] = ()) -> Group
     return Group(table, *(Text(f"Note: {note}", style="yellow") for note in notes))
 
 
-def _candidates(estimate: Estimate) -> Table:
+def _candidates(estimate: Estimate) -> tuple[Table, Text, Text]:
+    """The models that were tried, what they were judged on, and an empty line."""
     columns = Column("model", no_wrap=True), Column("error", justify="right"), Column("verdict", overflow="fold")
     table = plain_table(*columns, title=CANDIDATES_TITLE)
     for candidate in estimate.candidates:
         expression, error, verdict = candidate_cells(candidate)
         table.add_row(_in_lines(expression), error, verdict, style="bold" if candidate.chosen else "")
-    return table
+    return table, Text(CANDIDATES_LEGEND, style="dim"), Text()
 
 
 def _in_lines(expression: str) -> str:
