@@ -42,7 +42,7 @@ CLAY = Estimate(
     relative=False,
     candidates=[
         Candidate("lambert", 0.09, 0.09, "the simplest model tried"),
-        Candidate("oren-nayar", 0.011, 0.011, "predicts images left out better than lambert: error 88% smaller"),
+        Candidate("oren-nayar", 0.011, 0.011, "predicts images left out better than lambert: error 88% smaller", True),
     ],
     skipped={
         "components": ["cook-torrance"],

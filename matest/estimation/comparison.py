@@ -11,6 +11,7 @@ from torch import Tensor
 from matest.brdf import Brdf
 from matest.estimation.recipes import Recipe
 from matest.estimators.leave_out import LeftOut
+from matest.parameters import Role
 
 # χ² by which a bigger model has to be better, in units of the residuals: noise alone lets no model win by so much.
 _LEAST_GAIN = 12.0
@@ -63,6 +64,13 @@ class Trial:
     def material(self) -> Brdf:
         """The model at the optimum of the pilot."""
         return self.left_out.problem.material(self.left_out.unknowns)
+
+    @property
+    def surface(self) -> str:
+        """What kind of surface the model shows at the optimum of the pilot, in words."""
+        declared, values = self.material.declared, self.material.parameters
+        f0 = [float(value.mean()) for name, value in values.items() if declared[name].role is Role.FRESNEL]
+        return self.recipe.surface_of(max(f0, default=1.0))
 
 
 def judge_trials(trials: Sequence[Trial]) -> tuple[Trial, list[str]]:

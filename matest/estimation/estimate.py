@@ -128,7 +128,9 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         holdout=holdout,
         nuisance=calibration.estimates(solution, posterior, samples),
         residual_scale=solution.residual_scale,
-        warnings=warnings(Context(samples, specification, solution, posterior, options.precision, said)),
+        warnings=warnings(
+            Context(samples, specification, solution, posterior, options.precision, said, named=selection is None)
+        ),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -13,6 +14,9 @@ Value = float | Sequence[float]
 AUTO = "auto"
 # The same with every slope distribution tried, whether or not another one meets the images.
 AUTO_ANY_DISTRIBUTION = "auto(distribution=any)"
+
+# Similarity to that name from which on a word is a slip for it: two letters exchanged have 0.75.
+_SLIP = 0.75
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +38,7 @@ class Options:
         refine: families of errors of the calibration to estimate with the material; "all" becomes every family.
 
     Raises:
-        InputError: a precision outside 0 to 1, another choice of `auto`, an unknown family.
+        InputError: a precision outside 0 to 1, another choice of `auto`, a slip in that name, an unknown family.
     """
 
     model: str | None = None
@@ -56,6 +60,9 @@ class Options:
             raise InputError(
                 f"precision is a relative standard error, such as 0.001, between 0 and 1; got {self.precision}."
             )
+        # Names of models are told apart by their case; so is this one.
+        if self.model is not None and not self.automatic and _reads_as_auto(self.model):
+            raise InputError(f"--model {self.model}: unknown model; did you mean '{AUTO}'?")
         if self.model is not None and self.model.startswith(f"{AUTO}(") and self.model != AUTO_ANY_DISTRIBUTION:
             raise InputError(f"--model {self.model}: auto takes one choice only, {AUTO_ANY_DISTRIBUTION}.")
         if self.seed < 0:
@@ -84,3 +91,9 @@ class Options:
         if not images:
             raise InputError("every image is held out: leave at least one for the fit.")
         return images
+
+
+def _reads_as_auto(expression: str) -> bool:
+    """Whether an expression is the name `auto` but for its case or a letter."""
+    name = expression.partition("(")[0].strip()
+    return name != AUTO and bool(difflib.get_close_matches(name.lower(), [AUTO], cutoff=_SLIP))

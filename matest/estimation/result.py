@@ -12,7 +12,7 @@ import torch
 from matest.brdf import Brdf, model
 from matest.errors import InputError
 from matest.estimation.calibration import NuisanceEstimate
-from matest.inference.quantities import ParameterEstimate
+from matest.inference.quantities import ParameterEstimate, channel_names
 from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
 
 SCHEMA = "matest.estimate/1"
@@ -64,12 +64,14 @@ class Candidate:
             noise, over a sample even over angles; models are compared by it.
         relative_rmse: error on images left out, over all usable values, as in `Fit`.
         reason: why the model was chosen or not.
+        chosen: whether it is the model of the estimate.
     """
 
     model: str
     score: float
     relative_rmse: float
     reason: str
+    chosen: bool = False
 
 
 @dataclass(frozen=True)
@@ -122,6 +124,22 @@ class Estimate:
     def channels(self) -> int:
         """Number of channels of the parameters; 1 if no parameter has one value per channel."""
         return max((len(p.value) for p in self.parameters.values() if isinstance(p.value, list)), default=1)
+
+    @property
+    def channel_names(self) -> tuple[str, ...]:
+        """Names of the channels as people read them."""
+        return self.channel_labels or channel_names(self.channels)
+
+    @property
+    def label_names(self) -> list[str]:
+        """`labels` as people read them: `albedo G` for `albedo[1]`."""
+        spoken = {
+            f"{name}[{place}]": f"{name} {channel}"
+            for name, parameter in self.parameters.items()
+            if isinstance(parameter.value, list)
+            for place, channel in enumerate(self.channel_names)
+        }
+        return [spoken.get(label, label) for label in self.labels]
 
     def to_dict(self) -> dict[str, Any]:
         """The content of `result.json`."""

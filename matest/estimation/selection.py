@@ -13,7 +13,7 @@ import torch
 from matest.errors import InputError
 from matest.estimation.comparison import Trial, judge_trials
 from matest.estimation.options import AUTO_ANY_DISTRIBUTION, Options
-from matest.estimation.recipes import DISTRIBUTIONS, RECIPES, Component, Recipe
+from matest.estimation.recipes import DISTRIBUTIONS, LAST_LEVEL_OF_ALL, RECIPES, Component, Recipe
 from matest.estimation.result import Candidate
 from matest.estimation.specification import specify_unknowns
 from matest.estimators import Problem
@@ -31,8 +31,6 @@ _SAMPLES = 8_000
 _EVEN_SAMPLES = 4_000
 # The last level of recipes whose columns the mixture has: recipes beyond refine what these can only mix.
 _MIXED_LEVEL = 2
-# The simplest models of all are compared in any case.
-_FIRST_END = 1
 # χ² that a mixture's many columns take from the noise, in units of the residuals: about one for each that counts.
 _MIXTURE_FREEDOM = 60.0
 # A model that a grid shows to be this many times worse than the best one on it is not refined.
@@ -71,7 +69,13 @@ class Selection:
     def candidates(self) -> list[Candidate]:
         """The record of the comparison."""
         return [
-            Candidate(trial.recipe.expression, trial.score, trial.relative_rmse, reason.format(unit=self.unit))
+            Candidate(
+                trial.recipe.expression,
+                trial.score,
+                trial.relative_rmse,
+                reason.format(unit=self.unit),
+                chosen=trial is self.best,
+            )
             for trial, reason in zip(self.trials, self.reasons, strict=True)
         ]
 
@@ -212,7 +216,7 @@ def _is_needed(level: int, trials: Sequence[Trial], mixture: Mixture, pilot: _Pi
         return True
     if level == DISTRIBUTIONS and any(trial.holds for trial in trials):
         return False
-    return level <= _FIRST_END or not any(_explains(trial, mixture, pilot) for trial in trials)
+    return level <= LAST_LEVEL_OF_ALL or not any(_explains(trial, mixture, pilot) for trial in trials)
 
 
 def _explains(trial: Trial, mixture: Mixture, pilot: _Pilot) -> bool:

@@ -15,11 +15,12 @@ from torch import Tensor
 from matest.errors import Fault, refuse
 from matest.estimation.estimate import solve, summary
 from matest.estimation.options import AUTO, Options, Value
+from matest.estimation.recipes import RECIPES
 from matest.estimation.result import Estimate
-from matest.estimation.selection import select
+from matest.estimation.selection import Selection, select
 from matest.estimation.specification import Specification, expression_of
 from matest.estimation.warnings import GENERAL_RULES, Context, warnings
-from matest.estimators import Solution, fit
+from matest.estimators import Problem, Solution, fit
 from matest.estimators.passes import radiance_model
 from matest.inference.error_bars import ErrorBars
 from matest.inference.posterior import judge
@@ -35,6 +36,8 @@ SCHEMA = "matest.fit/1"
 # Rounds of fit and noise. Relative change of the noise that ends them: it changes error bars by less than they say.
 _MAX_ROUNDS = 12
 _NOISE_CHANGE = 0.01
+# Choices of the model after the first one, each under the noise that the one before leaves: two or three settle it.
+_MAX_RESELECTIONS = 3
 # Relative rms difference of cube roots above which no one would take the model for the material.
 _MISSED = 0.2
 # The same, above which it is said where the model is wrong.
@@ -161,12 +164,7 @@ def fit_table_with(
     samples = TableSamples.of(table, loss, start, noise_stated=is_stated)
     expression, selection = options.model, None
     if expression is None or options.automatic:
-        selection = select(samples, options, progress)
-        if not is_stated:
-            # Under the noise that the best model leaves, another one may be better.
-            samples, *_ = _solved(selection.best.recipe.expression, samples, options, progress)
-            selection = select(samples, options, progress)
-        selection = replace(selection, unit="incidence")
+        samples, selection = _selected(samples, options, progress)
         expression = selection.best.recipe.expression
     samples, specification, solution = _solved(expression, samples, options, progress)
     progress("error bars")
@@ -175,10 +173,12 @@ def fit_table_with(
     posterior = replace(posterior, bars=bars)
     material = solution.problem.material(solution.unknowns)
     named = expression_of(material, expression)
-    misfits = _misfits(samples, _model(samples, solution))
+    misfits = _misfits(samples, _model(samples, solution.problem, solution.unknowns))
     verdict = _verdict(misfits[0], named, selection is not None)
     said = [*([verdict] if verdict else []), *_where_missed(named, *misfits)]
-    context = Context(samples, specification, solution, posterior, None)
+    context = Context(
+        samples, specification, solution, posterior, None, named=selection is None, channels=table.channels
+    )
     estimate = Estimate(
         capture=str(table.path.name),
         model=named,
@@ -209,6 +209,23 @@ def _faults(table: Table) -> Iterator[Fault]:
     )
 
 
+def _selected(samples: TableSamples, options: Options, progress: Progress) -> tuple[TableSamples, Selection]:
+    """The choice of the model, and the samples with the noise that it was made under.
+
+    The noise is stated, or what the model chosen before leaves on the pilot: under less noise more components show.
+    """
+    selection, position = replace(select(samples, options, progress), unit="incidence"), -1
+    for _ in range(0 if samples.noise_stated else _MAX_RESELECTIONS):
+        fitted = selection.best.left_out
+        reweighted = samples.with_noise(_noise(samples, fitted.problem, fitted.unknowns))
+        again = replace(select(reweighted, options, progress), unit="incidence")
+        # The first choice was made under a guess; after it, noise that leads back to a smaller model is no progress.
+        if RECIPES.index(again.best.recipe) <= position:
+            break
+        samples, selection, position = reweighted, again, RECIPES.index(again.best.recipe)
+    return samples, selection
+
+
 def _solved(
     expression: str, samples: TableSamples, options: Options, progress: Progress
 ) -> tuple[TableSamples, Specification, Solution]:
@@ -216,11 +233,11 @@ def _solved(
     specification, solution = solve(expression, samples, options, progress)
     if samples.noise_stated:
         return samples, specification, solution
-    samples = samples.with_noise(_noise(samples, solution))
+    samples = samples.with_noise(_noise(samples, solution.problem, solution.unknowns))
     # Under the right noise: other weights may lead the search elsewhere, and determine other parameters.
     specification, solution = solve(expression, samples, options, progress)
     for _ in range(_MAX_ROUNDS):
-        noise = _noise(samples, solution)
+        noise = _noise(samples, solution.problem, solution.unknowns)
         change = max(
             float((new / old - 1)[old > 0].abs().max()) if bool((old > 0).any()) else 0.0
             for new, old in zip(noise, samples.noise, strict=True)
@@ -232,13 +249,14 @@ def _solved(
     return samples, specification, solution
 
 
-def _noise(samples: TableSamples, solution: Solution) -> TableNoise:
-    return estimated_noise(samples.loss, samples.radiance, _model(samples, solution), samples.variance_shares)
+def _noise(samples: TableSamples, problem: Problem, unknowns: Tensor) -> TableNoise:
+    """The noise that the residuals of the model at u [P] show."""
+    return estimated_noise(samples.loss, samples.radiance, _model(samples, problem, unknowns), samples.variance_shares)
 
 
-def _model(samples: TableSamples, solution: Solution) -> Tensor:
-    """y = f cos θi of the model for every row [n, C]."""
-    radiance = radiance_model(solution.problem, solution.unknowns)
+def _model(samples: TableSamples, problem: Problem, unknowns: Tensor) -> Tensor:
+    """y = f cos θi of the model at u [P] for every row [n, C]."""
+    radiance = radiance_model(problem, unknowns)
     with torch.no_grad():
         return torch.cat([radiance(tile()) for group in samples.tiles() for tile in group])
 

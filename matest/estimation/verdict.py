@@ -81,8 +81,8 @@ def _equivalent(best: Trial, rival: Trial) -> str:
         else f"no light within {_ANGLES[-1]}° of the camera would show a difference above {_TELLING:.0%}"
     )
     return (
-        f"Not told apart here: {best.recipe.expression} ({best.recipe.surface}) and {rival.recipe.expression} "
-        f"({rival.recipe.surface}: {values}) predict what was left out equally well; {mend}."
+        f"Not told apart here: {best.recipe.expression} ({best.surface}) and {rival.recipe.expression} "
+        f"({rival.surface}: {values}) predict what was left out equally well; {mend}."
     )
 
 

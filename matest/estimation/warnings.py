@@ -14,7 +14,7 @@ from matest.estimators import Solution
 from matest.estimators.covariance import fisher
 from matest.inference.derived import shows_only_in_derived
 from matest.inference.posterior import Posterior
-from matest.inference.quantities import ParameterEstimate
+from matest.inference.quantities import ParameterEstimate, channel_names
 from matest.parameters import OPTICS, Role
 from matest.samples.account import Account, AccountedSamples
 
@@ -22,6 +22,9 @@ from matest.samples.account import Account, AccountedSamples
 _MIN_COVERAGE = 0.5
 # Relative rms error above which a mistake in the set-up is likelier than a model that is a little off.
 _POOR_ERROR = 0.15
+# Residuals in units of the noise from which on a model does not describe the samples, whoever looks at them; noise that
+# was estimated a little low, and misfits that are seen only in it, make less.
+_FAR_FROM_NOISE = 3.0
 # Share of outliers above which noise alone does not explain a poor fit.
 _OUTLIERS_BEYOND_NOISE = 0.001
 # Share of outliers above which the user is told.
@@ -53,6 +56,8 @@ class Context:
         solution, posterior: the result of the fit.
         precision: relative standard error that the user asked for; None: no such wish.
         selection: what is to be said of the choice of the model.
+        named: whether the user named the model.
+        channels: names of the channels; empty: R, G, B, or numbers.
     """
 
     samples: AccountedSamples
@@ -61,6 +66,8 @@ class Context:
     posterior: Posterior
     precision: float | None
     selection: Sequence[str] = ()
+    named: bool = True
+    channels: Sequence[str] = ()
 
     @property
     def account(self) -> Account:
@@ -100,6 +107,17 @@ def warnings(context: Context, rules: Sequence[Rule] | None = None) -> list[str]
     """The sentences of the rules that apply to an estimate; None: of all rules for photographs."""
     spoken = RULES if rules is None else rules
     return [*context.selection, *(warning for rule in spoken for warning in rule(context))]
+
+
+def _not_described(context: Context) -> Iterator[str]:
+    """Of a model that `auto` chose its own sentence says so."""
+    bars, subject = context.posterior.bars, context.account.subject
+    times = math.sqrt(bars.chi2)
+    if context.named and not bars.holds and times > _FAR_FROM_NOISE:
+        yield (
+            f"The model does not describe the {subject}: residuals are {times:.3g} times the noise. Try --model auto, "
+            f"or check what is stated of these {subject}."
+        )
 
 
 def _relative_radiometry(context: Context) -> Iterator[str]:
@@ -244,7 +262,7 @@ def _seen_together(context: Context) -> Iterator[str]:
 
 def _not_determined(context: Context) -> Iterator[str]:
     if names := context.not_determined_alone:
-        labels = [name + _channels(context.parameters[name]) for name in names]
+        labels = [name + _channels(context.parameters[name], context.channels) for name in names]
         verb = "are" if len(names) > 1 else "is"
         yield f"{' and '.join(labels)} {verb} not determined by these {context.account.subject}."
 
@@ -318,6 +336,7 @@ def _imprecise(context: Context) -> Iterator[str]:
 
 # In the order of the sentences.
 RULES: tuple[Rule, ...] = (
+    _not_described,
     _relative_radiometry,
     _held_by_default,
     _f0_too_low,
@@ -346,6 +365,7 @@ RULES: tuple[Rule, ...] = (
 )
 # Of these the rules that hold for samples of any kind.
 GENERAL_RULES: tuple[Rule, ...] = (
+    _not_described,
     _held_by_default,
     _f0_too_low,
     _notes_of_readers,
@@ -363,10 +383,10 @@ def _numbers(parameter: ParameterEstimate) -> list[tuple[float | None, float | N
     return [(value, std)] if not isinstance(value, list) and not isinstance(std, list) else []
 
 
-def _channels(parameter: ParameterEstimate) -> str:
+def _channels(parameter: ParameterEstimate, names: Sequence[str]) -> str:
     """Words for the channels of a parameter that are not determined; empty if all are or none is."""
     values = parameter.value if isinstance(parameter.value, list) else []
-    channels = [str(channel) for channel, value in enumerate(values) if value is None]
+    channels = [name for name, value in zip(names or channel_names(len(values)), values, strict=False) if value is None]
     return f" of channel {', '.join(channels)}" if 0 < len(channels) < len(values) else ""
 
 

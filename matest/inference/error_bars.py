@@ -28,6 +28,9 @@ _MAX_CORRELATION = 2.0
 _CORRELATION_BY_CHANCE = 5.0
 # Standard errors by which the data push an unknown outward. Those that push less do not hold it at its bound.
 _MIN_PUSH = 0.1
+# Standard errors between a value and a bound that no one can tell apart: two digits of the error, which a value is
+# printed to, leave up to as much.
+_AT_END = 0.05
 # Images that a jackknife needs, no two of them repeats of each other; with fewer it leaves out blocks of pixels, of
 # which it needs as many.
 _MIN_CLUSTERS = 4
@@ -41,6 +44,8 @@ class ErrorBars:
         covariance: of the unknowns that are not at a bound.
         open: of all unknowns, also those at a bound: the truth of these may lie so far inside the domain.
         bound: whether the data hold an unknown at a bound [P].
+        ends: the bound that a value lies on, held there or by chance, to within its standard error's digits; NaN where
+            it lies on none [P].
         widening: width of the error bars relative to those by the Fisher information [P].
         chi2: per degree of freedom.
         correlation: of residuals over groups of samples; 1: they are independent.
@@ -52,6 +57,7 @@ class ErrorBars:
     covariance: Covariance
     open: Covariance
     bound: Tensor
+    ends: Tensor
     widening: Tensor
     chi2: float
     correlation: float
@@ -95,17 +101,33 @@ def error_bars(
     else:
         unit = "lights" if len(by_setting) < len(statistics.regrouped(samples.groups.image)) else "images"
         kind = f"jackknife over {unit if whole else 'blocks'}"
-        everything = torch.ones_like(bound)
         covariance = _jackknife(expansion, clusters, free, inside=True)
-        unbounded = _jackknife(expansion, clusters, everything, inside=False)
+        unbounded = _jackknife(expansion, clusters, torch.ones_like(bound), inside=False)
         if whole:
             blocks, places = (statistics.regrouped(labels) for labels in (samples.groups.block, samples.groups.place))
             if len(blocks) >= _MIN_CLUSTERS:
-                covariance = _plus(covariance, [_scatter_of_blocks(expansion, blocks, places, free)])
-                unbounded = _plus(unbounded, [_scatter_of_blocks(expansion, blocks, places, everything)])
+                # Scores of an unknown at a bound differ from block to block without its being wrong in any.
+                scatter = _scatter_of_blocks(expansion, blocks, places, free)
+                covariance, unbounded = _plus(covariance, [scatter]), _plus(unbounded, [scatter])
         widening = _widening(expansion, clusters, unbounded)
-    bars = ErrorBars(covariance, unbounded, bound, widening, chi2, correlation, holds, kind)
-    return bars if budget is None else _with_calibration(bars, budget, free)
+    nowhere = torch.full_like(expansion.unknowns, math.nan)
+    bars = ErrorBars(covariance, unbounded, bound, nowhere, widening, chi2, correlation, holds, kind)
+    bars = bars if budget is None else _with_calibration(bars, budget, free)
+    return replace(bars, ends=_ends(solution, torch.where(bound, bars.open.std, bars.covariance.std)))
+
+
+def _ends(solution: Solution, std: Tensor) -> Tensor:
+    """The bound that each unknown lies on, given standard errors [P]; NaN where it lies on none [P]."""
+    problem, unknowns = solution.problem, solution.unknowns
+    ends = torch.full_like(unknowns, math.nan)
+    for name, place in problem.where.items():
+        if problem.declared(name).periodic:
+            # Its search has ends, its values have none.
+            continue
+        for end in (problem.lower, problem.upper):
+            near = (unknowns[place] - end[place]).abs() <= _AT_END * std[place].nan_to_num(0.0, posinf=0.0)
+            ends[place] = torch.where(near, end[place], ends[place])
+    return ends
 
 
 def _with_calibration(bars: ErrorBars, budget: Budget, free: Tensor) -> ErrorBars:
@@ -220,4 +242,7 @@ def expected_error_bars(expansion: Expansion) -> ErrorBars:
     """The error bars of future samples, if the model holds and no unknown lies at a bound."""
     size, covariance = expansion.problem.size, expansion.covariance
     nowhere, widening = torch.zeros(size, dtype=torch.bool), torch.ones(size, dtype=torch.float64)
-    return ErrorBars(covariance, covariance, nowhere, widening, chi2=1.0, correlation=1.0, holds=True, kind="fisher")
+    ends = torch.full((size,), math.nan, dtype=torch.float64)
+    return ErrorBars(
+        covariance, covariance, nowhere, ends, widening, chi2=1.0, correlation=1.0, holds=True, kind="fisher"
+    )

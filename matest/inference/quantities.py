@@ -27,3 +27,8 @@ class ParameterEstimate:
     unit: str
     status: str
     doc: str = ""
+
+
+def channel_names(count: int) -> tuple[str, ...]:
+    """Names of so many channels that nobody named: R, G, B, or numbers."""
+    return ("R", "G", "B") if count == 3 else tuple(str(k) for k in range(count))

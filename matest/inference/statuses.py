@@ -36,7 +36,8 @@ class Unknown:
         largest_std: with a larger standard error it is not determined.
         lower: end of its domain.
         flat: whether it is near a lower bound where χ² is flat in it.
-        at_end: whether the samples do not tell it from a bound.
+        at_end: whether the samples hold it at a bound, or do not tell it from one that it lies near.
+        end: the bound that its value lies on, held there or not; NaN: none.
         near_end: whether it lies at a bound, or has an interval by the profile of the likelihood.
         undetermined: whether it takes part in a combination that the samples do not determine.
         locked: whether it moves with another unknown that has no effect at its present value.
@@ -51,6 +52,7 @@ class Unknown:
     lower: float
     flat: bool
     at_end: bool
+    end: float
     near_end: bool
     undetermined: bool
     locked: bool
@@ -73,7 +75,7 @@ RULES: tuple[tuple[Callable[[Unknown], bool], str], ...] = (
     (lambda unknown: unknown.lobe_not_seen, "not determined"),
     (_no_better_than_its_domain, "not determined"),
     (_over_the_whole_domain, "not determined"),
-    (lambda unknown: unknown.at_end, "at bound"),
+    (lambda unknown: unknown.at_end or not math.isnan(unknown.end), "at bound"),
 )
 
 
@@ -102,6 +104,8 @@ class Verdict:
         low, high = unknown.interval
         if unknown.flat:
             return cls(unknown.lower, None, [unknown.lower, high], status)
+        if not math.isnan(unknown.end):
+            return cls(unknown.end, None, [min(low, unknown.end), max(high, unknown.end)], status)
         return cls(unknown.value, unknown.std if status == "determined" else None, [low, high], status)
 
 
@@ -149,6 +153,7 @@ def _unknown(
         lower=domain.lower,
         flat=flat,
         at_end=at_end,
+        end=float(bars.ends[position]),
         near_end=at_end or position in intervals.ends,
         undetermined=bool(covariance.undetermined[position]),
         locked=position in valleys.locked,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from matest.estimation.result import Candidate
 from matest.estimation.table_fit import Misfit
 from matest.inference.quantities import ParameterEstimate
 
@@ -12,6 +13,12 @@ from matest.inference.quantities import ParameterEstimate
 PARAMETER_COLUMNS = ("parameter", "value ± standard error", "95 % interval", "status")
 MISFIT_COLUMNS = ("values", "relative rms error", "error of cube roots", "relative to them")
 CANDIDATES_TITLE = "Models tried, and their relative rms error on what was left out"
+CANDIDATES_LEGEND = (
+    "Left out in turn: images; of one or two images four horizontal bands of each; of a measured table incidences "
+    "(polar angles of the light)."
+)
+# Relative error from which on a multiple is read more easily than per cent.
+_LARGE_SHARE = 10.0
 
 
 def measured(value: float | None, std: float | None) -> str:
@@ -47,19 +54,26 @@ def _state(status: str, value: float | None, std: float | None) -> str:
     return "not determined" if value is None else "at bound" if std is None else "determined"
 
 
+def candidate_cells(candidate: Candidate) -> tuple[str, str, str]:
+    """Model, error and verdict of a model that was tried."""
+    return candidate.model, share(candidate.relative_rmse), f"{'chosen: ' * candidate.chosen}{candidate.reason}"
+
+
 def misfit_cells(misfit: Misfit) -> tuple[str, str, str, str]:
     """Cells of `MISFIT_COLUMNS`."""
     return (
         f"{misfit.values:,}",
-        f"{misfit.relative_rmse:.2%}",
+        share(misfit.relative_rmse),
         f"{misfit.cube_root_error:.4f}",
-        f"{misfit.relative_cube_root_error:.2%}",
+        share(misfit.relative_cube_root_error),
     )
 
 
 def share(value: float | None) -> str:
-    """A relative error in per cent, or that there is none."""
-    return "no usable pixel" if value is None else f"{value:.2%}"
+    """A relative error in per cent, as a multiple (`81.2 ×`) where it is large, or that there is none."""
+    if value is None:
+        return "no usable pixel"
+    return f"{value:.2%}" if value < _LARGE_SHARE else f"{value:.3g} ×"
 
 
 def chi2(value: float) -> str:
@@ -70,10 +84,6 @@ def chi2(value: float) -> str:
 def stages(timing_s: Mapping[str, float]) -> str:
     """`read 0.03 s, fit 1.45 s`."""
     return ", ".join(f"{stage} {seconds:.2f} s" for stage, seconds in timing_s.items())
-
-
-def channel_names(count: int) -> tuple[str, ...]:
-    return ("R", "G", "B") if count == 3 else tuple(str(k) for k in range(count))
 
 
 def _cells(value: float | None, std: float | None, interval: list[float] | None, unit: str) -> tuple[str, str]:

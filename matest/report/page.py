@@ -7,7 +7,16 @@ from html import escape
 
 from matest.estimation.result import Estimate
 from matest.report import calibration
-from matest.report.format import CANDIDATES_TITLE, PARAMETER_COLUMNS, channel_names, chi2, rows, share, stages
+from matest.report.format import (
+    CANDIDATES_LEGEND,
+    CANDIDATES_TITLE,
+    PARAMETER_COLUMNS,
+    candidate_cells,
+    chi2,
+    rows,
+    share,
+    stages,
+)
 from matest.report.pictures import RESIDUAL_RANGE
 
 _STYLE = """
@@ -19,7 +28,7 @@ table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nu
 td:nth-child(2), td:nth-child(3) { white-space: nowrap; } table.words td:nth-child(3) { white-space: normal; }
 table.words td { overflow-wrap: anywhere; min-width: 4em; }
 th, td { text-align: left; padding: .3rem .8rem .3rem 0; border-bottom: 1px solid var(--line); vertical-align: top; }
-th { font-weight: 600; } .warning { border-left: 4px solid #c80; padding-left: .8rem; margin: .4rem 0; }
+th, tr.bold td { font-weight: 600; } .warning { border-left: 4px solid #c80; padding-left: .8rem; margin: .4rem 0; }
 .images { display: grid; grid-template-columns: repeat(3, 1fr); gap: .8rem; }
 figure { margin: 0; } figure img { width: 100%; image-rendering: auto; background: #000; }
 figcaption { font-size: .85rem; color: var(--soft); }
@@ -62,7 +71,7 @@ def document(title: str, sections: Sequence[str]) -> str:
 
 def parameters(estimate: Estimate) -> str:
     """Title, verdict, table of the parameters, warnings."""
-    channels = estimate.channel_labels or channel_names(estimate.channels)
+    channels = estimate.channel_names
     body = [
         (*row, parameter.doc)
         for name, parameter in estimate.parameters.items()
@@ -91,7 +100,7 @@ def _fit(estimate: Estimate) -> str:
     """How well the model describes the images."""
     fit = estimate.fit
     cells = {
-        "relative rms error": f"{fit.relative_rmse:.2%}",
+        "relative rms error": share(fit.relative_rmse),
         "reduced χ²": chi2(fit.reduced_chi2),
         "samples used": f"{fit.samples_used:,}",
         "samples in all": f"{fit.samples:,}",
@@ -114,8 +123,10 @@ def candidates(estimate: Estimate) -> str:
     """The models that were tried; empty where one was named."""
     if not estimate.candidates:
         return ""
-    body = [(each.model, f"{each.relative_rmse:.2%}", each.reason) for each in estimate.candidates]
-    return f"<h2>{CANDIDATES_TITLE}</h2>\n" + html_table(("model", "error", "verdict"), body, "words")
+    body = [candidate_cells(each) for each in estimate.candidates]
+    chosen = [row for row, each in enumerate(estimate.candidates) if each.chosen]
+    table = html_table(("model", "error", "verdict"), body, "words", bold=chosen)
+    return f'<h2>{CANDIDATES_TITLE}</h2>\n{table}<p class="lead">{CANDIDATES_LEGEND}</p>'
 
 
 def _images(files: list[str], step: int | None) -> str:
@@ -138,9 +149,13 @@ def _images(files: list[str], step: int | None) -> str:
     return "\n".join(["<h2>Images</h2>", legend, '<div class="images">', *figures, "</div>"])
 
 
-def html_table(head: Sequence[str], body: Sequence[Sequence[str]], kind: str = "") -> str:
+def html_table(head: Sequence[str], body: Sequence[Sequence[str]], kind: str = "", bold: Sequence[int] = ()) -> str:
+    """A table of texts; `bold` are rows in bold."""
     cells = "".join(f"<th>{escape(cell)}</th>" for cell in head)
-    lines = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in body)
+    lines = "".join(
+        f"<tr{' class=bold' * (number in bold)}>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>"
+        for number, row in enumerate(body)
+    )
     lines = lines.replace("\n", "<br>")
     return f'<table class="{kind}"><thead><tr>{cells}</tr></thead><tbody>{lines}</tbody></table>'
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from html import escape
 
 from matest.estimation.table_fit import Misfit, TableFit
-from matest.report.format import MISFIT_COLUMNS, chi2, misfit_cells, stages
+from matest.report.format import MISFIT_COLUMNS, chi2, misfit_cells, share, stages
 from matest.report.page import candidates, document, html_table, parameters
 
 # Pictures of the page, and what they show.
@@ -51,7 +51,7 @@ def _quality(fit: TableFit) -> str:
     outcome, noise = fit.estimate.fit, fit.samples.noise
     cells = {
         "cost": fit.samples.loss.value,
-        "relative rms error": f"{fit.misfit.relative_rmse:.2%}",
+        "relative rms error": share(fit.misfit.relative_rmse),
         "error of cube roots": f"{fit.misfit.cube_root_error:.4f}",
         "reduced χ²": chi2(outcome.reduced_chi2),
         "pairs of directions": f"{outcome.samples:,}",

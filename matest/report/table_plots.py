@@ -123,8 +123,8 @@ def plot_posterior(estimate: Estimate, path: Path) -> None:
     matrix = np.array(estimate.correlation, dtype=float).reshape(len(estimate.labels), -1)
     image = axes.imshow(matrix, cmap=_DIVERGING, vmin=-1, vmax=1)
     if len(estimate.labels) <= _MAX_NAMES:
-        axes.set_xticks(range(len(estimate.labels)), estimate.labels, rotation=90, fontsize=7)
-        axes.set_yticks(range(len(estimate.labels)), estimate.labels, fontsize=7)
+        axes.set_xticks(range(len(estimate.labels)), estimate.label_names, rotation=90, fontsize=7)
+        axes.set_yticks(range(len(estimate.labels)), estimate.label_names, fontsize=7)
     figure.colorbar(image, ax=axes, shrink=0.8, label="correlation")
     _print(figure, path)
 
@@ -138,9 +138,8 @@ def _channels(axes: Any, estimate: Estimate, name: str, colour: str) -> None:
     places = np.arange(len(values))
     axes.vlines(places, ends[:, 0], ends[:, 1], color=colour, linewidth=1.2)
     axes.plot(places, values, ".", color=colour, label=name)
-    labels = estimate.channel_labels or tuple(map(str, places))
     shown = _spread(len(values), 7)
-    axes.set_xticks(shown, [labels[place] for place in shown], fontsize=8)
+    axes.set_xticks(shown, [estimate.channel_names[place] for place in shown], fontsize=8)
 
 
 def _in_plane(wi: torch.Tensor, wo: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TypeVar
 
@@ -13,16 +14,18 @@ from rich.text import Text
 from matest.brdf import Brdf
 from matest.brdf.presets import Preset
 from matest.estimation.prediction import PredictionErrors
+from matest.estimation.recipes import LAST_LEVEL_OF_ALL, Recipe
 from matest.estimation.result import Estimate
 from matest.estimation.table_fit import Misfit, TableFit
 from matest.parameters import options_of, parameters_of
 from matest.profiles import Comparison
 from matest.report import calibration
 from matest.report.format import (
+    CANDIDATES_LEGEND,
     CANDIDATES_TITLE,
     MISFIT_COLUMNS,
     PARAMETER_COLUMNS,
-    channel_names,
+    candidate_cells,
     misfit_cells,
     rows,
     share,
@@ -34,6 +37,8 @@ _STATUS_STYLES = {
     "not determined": "red",
     **dict.fromkeys(("weak", "held", "at bound"), "yellow"),
 }
+# Columns of the words for a surface: beside them the longest model takes two lines of 80 columns.
+_SURFACE_WIDTH = 28
 Item = TypeVar("Item")
 
 
@@ -71,10 +76,10 @@ def estimate_table(estimate: Estimate) -> Group:
     """Parameters with error bars, quality of the fit, warnings."""
     columns = (Column(name, no_wrap=name != "value ± standard error") for name in PARAMETER_COLUMNS)
     table = plain_table(*columns, title=f"{estimate.capture}: {estimate.model}")
-    channels = estimate.channel_labels or channel_names(estimate.channels)
+    channels = estimate.channel_names
     add_parameters(table, estimate.parameters, lambda label, parameter: rows(label, parameter, channels))
     return Group(
-        *([_candidates(estimate)] if estimate.candidates else []),
+        *(_candidates(estimate) if estimate.candidates else ()),
         table,
         *([_calibration(estimate)] if estimate.nuisance else []),
         Text(estimate.fit.message),
@@ -95,9 +100,9 @@ def _calibration(estimate: Estimate) -> Table:
 def _errors(estimate: Estimate) -> str:
     """The error of the fit and what it is of, in a sentence."""
     fit = estimate.fit
-    sentence = f"relative rms error {fit.relative_rmse:.2%}"
+    sentence = f"relative rms error {share(fit.relative_rmse)}"
     if fit.values_left_out:
-        trimmed = f"{fit.relative_rmse_trimmed:.2%}"
+        trimmed = share(fit.relative_rmse_trimmed)
         left_out = fit.values_left_out
         values = "the value" if left_out == 1 else f"the {left_out:,} values"
         sentence += f" ({trimmed} without {values} left out as {'an outlier' if left_out == 1 else 'outliers'})"
@@ -131,7 +136,7 @@ def summary_table(estimates: Mapping[str, Estimate | str]) -> Table:
         if isinstance(estimate, str):
             table.add_row(name, "", "", Text(estimate, style="red"))
         else:
-            table.add_row(name, estimate.model, f"{estimate.fit.relative_rmse:.2%}", estimate.fit.status)
+            table.add_row(name, estimate.model, share(estimate.fit.relative_rmse), estimate.fit.status)
     return table
 
 
@@ -153,6 +158,18 @@ def models_table(models: Mapping[str, type[Brdf]]) -> Group:
             table.add_row(f"  {option} =", "", " | ".join(c + " (default)" * (c == default) for c in choices))
         parts += [table, Text()]
     return Group(*parts)
+
+
+def recipes_table(recipes: Sequence[Recipe]) -> Table:
+    """What `auto` tries: kinds of surfaces and their models, in the parts that it tries one after the other."""
+    title = Text("What --model auto tries, part after part until no mixture would do better")
+    table = plain_table(Column("surface", max_width=_SURFACE_WIDTH), "model", title=title)
+    for recipe, following in itertools.zip_longest(recipes, recipes[1:]):
+        surface = f"{recipe.surface}, or {recipe.dielectric}" if recipe.dielectric else recipe.surface
+        is_last = following is not None and following.level > max(recipe.level, LAST_LEVEL_OF_ALL)
+        # A line may break after a comma, and the expression may be copied with the space.
+        table.add_row(surface, recipe.expression.replace(",", ", "), end_section=is_last)
+    return table
 
 
 def presets_table(presets: Mapping[str, Preset]) -> Table:
@@ -186,12 +203,14 @@ def comparison_table(comparison: Comparison, notes: Sequence[str] = ()) -> Group
     return Group(table, *(Text(f"Note: {note}", style="yellow") for note in notes))
 
 
-def _candidates(estimate: Estimate) -> Table:
+def _candidates(estimate: Estimate) -> tuple[Table, Text, Text]:
+    """The models that were tried, what they were judged on, and an empty line."""
     columns = Column("model", no_wrap=True), Column("error", justify="right"), Column("verdict", overflow="fold")
     table = plain_table(*columns, title=CANDIDATES_TITLE)
     for candidate in estimate.candidates:
-        table.add_row(_in_lines(candidate.model), f"{candidate.relative_rmse:.2%}", candidate.reason)
-    return table
+        expression, error, verdict = candidate_cells(candidate)
+        table.add_row(_in_lines(expression), error, verdict, style="bold" if candidate.chosen else "")
+    return table, Text(CANDIDATES_LEGEND, style="dim"), Text()
 
 
 def _in_lines(expression: str) -> str:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
-from matest.errors import InputError
+from matest.errors import Fault, InputError, refuse
 from matest.tables import cornell, csv, merl
-from matest.tables.declaration import Declaration
+from matest.tables.declaration import EVERY_WAVELENGTH, RGB, Declaration
 from matest.tables.table import Table
 
 # Reader of each format, by the suffix of its files.
@@ -27,11 +28,25 @@ def load_table(path: str | Path, declaration: Declaration | None = None) -> Tabl
         declaration: what the file leaves open, and which channels to take.
 
     Raises:
-        InputError: no such file, a format that is not read, content that cannot be used.
+        InputError: no such file, a format that is not read, content that cannot be used, channels that it lacks.
     """
     path = Path(path)
     if path.suffix.lower() not in FORMATS:
         raise InputError(f"{path}: expected a measured table ({', '.join(FORMATS)}); got '{path.suffix or path.name}'.")
     if not path.is_file():
         raise InputError(f"{path}: expected a file with a measured table, and there is none; check the path.")
-    return FORMATS[path.suffix.lower()](path, declaration or Declaration())
+    declaration = declaration or Declaration()
+    table = FORMATS[path.suffix.lower()](path, declaration)
+    refuse(path, _channel_faults(table, declaration))
+    return table
+
+
+def _channel_faults(table: Table, declaration: Declaration) -> Iterator[Fault]:
+    """Why a table has not the channels that are asked for: only wavelengths give others than it has."""
+    wanted = declaration.channels
+    given = wanted == EVERY_WAVELENGTH or (wanted == RGB and [*map(str.lower, table.channels)] == [*RGB])
+    yield (
+        table.wavelengths is None and not given,
+        f"--channels {wanted} needs a table of wavelengths, and its channels are {', '.join(table.channels)} without "
+        "any; omit it, or name the columns of a CSV table by wavelength, as 450 nm.",
+    )

@@ -8,9 +8,9 @@ import numpy as np
 import torch
 
 from matest.directions import from_angles
-from matest.errors import InputError
+from matest.errors import InputError, errors_of
 from matest.spectra import to_rgb
-from matest.tables.declaration import Declaration
+from matest.tables.declaration import RGB_NOTE, Declaration
 from matest.tables.table import Table
 
 # θi, φi, θr, φr in radians, before the values of a row.
@@ -23,8 +23,10 @@ def read(path: Path, declaration: Declaration) -> Table:
     Azimuths of light and viewer are equal on the light's side. Values that are not positive are measurements.
 
     Raises:
-        InputError: text that is no such table; a wavelength that it lacks.
+        InputError: text that is no such table; a wavelength that it lacks; a declaration of how to read it.
     """
+    with errors_of(path):
+        declaration.refuse_reading()
     try:
         words = [word for line in path.read_text("utf-8").splitlines() for word in line.partition("#")[0].split()]
         numbers = np.array(words, dtype=float)
@@ -46,11 +48,12 @@ def read(path: Path, declaration: Declaration) -> Table:
         raise InputError(f"{path}: expected polar angles in radians below π/2, and no row has them; convert them.")
     spectra = torch.from_numpy(rows[:, _ANGLES:])[kept]
     wavelengths = torch.from_numpy(nanometres / 1000)
-    places = declaration.wavelengths(nanometres.tolist())
+    with errors_of(path):
+        places = declaration.wavelengths(nanometres.tolist())
     notes = [_dark(spectra)] if bool((spectra <= 0).any()) else []
     if places is None:
         values, channels, of_channels = to_rgb(spectra, wavelengths), ["R", "G", "B"], None
-        notes.append("RGB by the CIE's observer of 1931 under D65, linear, Rec. 709 primaries.")
+        notes.append(RGB_NOTE)
     else:
         values, of_channels = spectra[:, places], wavelengths[places]
         channels = [f"{nanometres[place]:g} nm" for place in places]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -10,14 +11,18 @@ import numpy as np
 import torch
 
 from matest.directions import from_angles
-from matest.errors import InputError, errors_of
+from matest.errors import InputError, errors_of, nearest
+from matest.spectra import to_rgb
 from matest.tables import readings
-from matest.tables.declaration import Declaration
+from matest.tables.declaration import READINGS, RGB_NOTE, Declaration
 from matest.tables.table import Table
 
 ANGLES = ("theta_i", "phi_i", "theta_r", "phi_r")
-# A line `# units: deg` declares what an option of the same name would.
-_DECLARED = re.compile(r"#\s*(units|azimuth|quantity)\s*[:=]\s*([\w-]+)\s*$")
+# A line `# units: deg` declares what an option of the same name would; any other comment is free.
+_DECLARED = re.compile(r"#\s*(\w+)\s*[:=]\s*(.*)$")
+# Similarity (2 · matching letters / letters of both) from which on a word is a slip for a key: of "unit" 0.89, of
+# "azimut" 0.92; "quality", which is none, has 0.8.
+_SLIP = 0.85
 # A column of a wavelength in nm.
 _WAVELENGTH = re.compile(r"(\d+(?:\.\d+)?)\s*nm$")
 
@@ -26,7 +31,8 @@ def read(path: Path, declaration: Declaration) -> Table:
     """The table in a CSV file.
 
     The first line names the columns. Lines `# units: rad`, `# azimuth: retro`, `# quantity: f` declare what is meant;
-    what nobody declares is found by `readings`, or refused where two readings fit alike. Columns named by wavelength
+    what nobody declares is found by `readings`, or refused where two readings fit alike; what is declared holds, and a
+    note says where the values clearly contradict it. Columns named by wavelength
     (`450 nm`) state those of the channels.
 
     Raises:
@@ -48,35 +54,72 @@ def read(path: Path, declaration: Declaration) -> Table:
         over = radians[:, 2] < 0
         radians[over, 2:] = np.stack([-radians[over, 2], radians[over, 3] + np.pi], axis=1)
         azimuth = declaration.azimuth or readings.azimuth(radians, values)
+        doubts = [*readings.doubts(angles, radians, values, declaration)]
         if azimuth == "forward":
             radians[:, 1] += np.pi
         quantity = declaration.quantity or readings.quantity(radians, values)
-    values = readings.as_reflectance(radians, values, quantity)
-    lengths = [_WAVELENGTH.match(name) for name in names]
-    wavelengths = None
-    if all(lengths):
-        wavelengths = torch.tensor([float(match[1]) / 1000 for match in lengths if match], dtype=torch.float64)
+        spectra = torch.from_numpy(readings.as_reflectance(radians, values, quantity))
+        reflectance, channels, wavelengths, of_channels = _in_channels(spectra, names, declaration)
     theta_i, phi_i, theta_r, phi_r = torch.from_numpy(np.ascontiguousarray(radians.T))
-    notes = [f"Read with angles in {units}, azimuth {azimuth}, quantity {quantity}."]
+    notes = [f"Read with angles in {units}, azimuth {azimuth}, quantity {quantity}.", *doubts, *of_channels]
     return Table(
-        path, from_angles(theta_i, phi_i), from_angles(theta_r, phi_r), torch.from_numpy(values), _channels(names),
-        wavelengths, notes=notes,
+        path, from_angles(theta_i, phi_i), from_angles(theta_r, phi_r), reflectance, channels, wavelengths, notes=notes,
         skipped={"not a number": int((~finite).sum()), "below the horizon": int((~above).sum())},
     )  # fmt: skip
+
+
+def _in_channels(
+    values: torch.Tensor, names: Sequence[str], declaration: Declaration
+) -> tuple[torch.Tensor, list[str], torch.Tensor | None, list[str]]:
+    """Values of the wanted channels [n, C], names and wavelengths (µm) of these, and a note on how they came about.
+
+    Raises:
+        InputError: a wavelength that the table lacks.
+    """
+    matches = [_WAVELENGTH.match(name) for name in names]
+    nanometres = [float(match[1]) for match in matches if match]
+    if len(nanometres) < len(names):
+        return values, _channels(names), None, []
+    wavelengths = torch.tensor(nanometres, dtype=torch.float64) / 1000
+    places = declaration.wavelengths(nanometres)
+    if places is None:
+        order = wavelengths.argsort()
+        return to_rgb(values[:, order], wavelengths[order]), ["R", "G", "B"], None, [RGB_NOTE]
+    return values[:, places], _channels([names[place] for place in places]), wavelengths[places], []
+
+
+def _declarations(path: Path, lines: Sequence[str]) -> Mapping[str, str]:
+    """What comments declare, by key.
+
+    Raises:
+        InputError: a slip in a key, or a word that is none of its words.
+    """
+    declared = {}
+    for number, line in enumerate(lines, 1):
+        match = _DECLARED.match(line.strip())
+        if match is None:
+            continue
+        key, word = match[1].lower(), match[2].strip().lower()
+        with errors_of(f"{path}: line {number}"):
+            if key in READINGS:
+                Declaration(**{key: word})  # type: ignore[arg-type]
+                declared[key] = word
+            elif difflib.get_close_matches(key, READINGS, n=1, cutoff=_SLIP):
+                raise InputError(f"'{match[1]}' declares nothing; {nearest(key, READINGS)} Correct it.")
+    return declared
 
 
 def _parsed(path: Path) -> tuple[list[str], np.ndarray, Mapping[str, str]]:
     """Names of the value columns, all rows, and what comments declare.
 
     Raises:
-        InputError: other columns, or text where a number should be.
+        InputError: other columns, text where a number should be, or a comment that misspells what it declares.
     """
     try:
         lines = path.read_text("utf-8-sig").splitlines()
     except UnicodeDecodeError:
         raise InputError(f"{path}: expected a text file with comma-separated values, and it is none.") from None
-    matches = [match for line in lines if (match := _DECLARED.match(line.strip()))]
-    declared = {match[1]: match[2] for match in matches}
+    declared = _declarations(path, lines)
     content = [(number, line) for number, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
     head = [name.strip() for name in content[0][1].split(",")] if content else []
     if tuple(head[:4]) != ANGLES or len(head) < 5:

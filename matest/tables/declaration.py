@@ -16,9 +16,17 @@ Azimuth = Literal["retro", "forward"]
 # What the values of a CSV table are.
 Quantity = Literal["f", "pi-f", "f-cos"]
 
+# What a line of a CSV table may declare, and its words.
+READINGS: dict[str, tuple[str, ...]] = {
+    "units": get_args(Unit),
+    "azimuth": get_args(Azimuth),
+    "quantity": get_args(Quantity),
+}
+
 # Channels that stand for all wavelengths of a table, or for linear RGB.
 EVERY_WAVELENGTH = "all"
 RGB = "rgb"
+RGB_NOTE = "RGB by the CIE's observer of 1931 under D65, linear, Rec. 709 primaries."
 
 
 @dataclass(frozen=True)
@@ -41,10 +49,10 @@ class Declaration:
     channels: str = EVERY_WAVELENGTH
 
     def __post_init__(self) -> None:
-        for name, kind in (("units", Unit), ("azimuth", Azimuth), ("quantity", Quantity)):
+        for name, words in READINGS.items():
             value = getattr(self, name)
-            if value is not None and value not in get_args(kind):
-                raise InputError(f"{name} must be one of {', '.join(get_args(kind))}; got '{value}'.")
+            if value is not None and value not in words:
+                raise InputError(f"{name} must be one of {', '.join(words)}; got '{value}'.")
 
     def completed(self, declared: Mapping[str, str]) -> Declaration:
         """With what a file declares, where the user says nothing.
@@ -52,8 +60,18 @@ class Declaration:
         Raises:
             InputError: a word that is none of those above.
         """
-        names = [name for name in ("units", "azimuth", "quantity") if getattr(self, name) is None and name in declared]
+        names = [name for name in READINGS if getattr(self, name) is None and name in declared]
         return replace(self, **{name: declared[name] for name in names})  # type: ignore[arg-type]
+
+    def refuse_reading(self) -> None:
+        """Refuse what says how to read a CSV table: other formats leave nothing of it open.
+
+        Raises:
+            InputError: there is such a word.
+        """
+        for name in READINGS:
+            if getattr(self, name) is not None:
+                raise InputError(f"--{name} says how to read a CSV table, and this format leaves no choice; omit it.")
 
     def wavelengths(self, present: Sequence[float]) -> list[int] | None:
         """Places of the wanted ones among the wavelengths in nm that are `present`; None: RGB is wanted.

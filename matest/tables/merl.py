@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from matest.directions import from_angles
-from matest.errors import InputError
+from matest.errors import InputError, errors_of
 from matest.tables.declaration import Declaration
 from matest.tables.table import Table
 
@@ -25,7 +25,7 @@ _HEADER = 3 * 4
 _LENGTH = _HEADER + 3 * CELLS * 8
 
 
-def read(path: Path, declaration: Declaration) -> Table:  # noqa: ARG001
+def read(path: Path, declaration: Declaration) -> Table:
     """The table in a `.binary` file.
 
     An entry is f at the middle of its cell, `cells`, where look-ups by the integer part of the coordinates are
@@ -33,8 +33,10 @@ def read(path: Path, declaration: Declaration) -> Table:  # noqa: ARG001
     cells: a third of all cells lie within 10° of the mirror direction.
 
     Raises:
-        InputError: another size or resolution, or nothing measured.
+        InputError: another size or resolution, nothing measured, or a declaration of how to read it.
     """
+    with errors_of(path):
+        declaration.refuse_reading()
     with path.open("rb") as file:
         shape = tuple(np.fromfile(file, "<i4", 3).tolist())
         length = path.stat().st_size

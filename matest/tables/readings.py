@@ -6,11 +6,13 @@ Nothing is guessed: where two readings fit alike, the table is refused until one
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
 from matest.errors import InputError
-from matest.tables.declaration import Azimuth, Quantity, Unit
+from matest.tables.declaration import Azimuth, Declaration, Quantity, Unit
 
 # Degrees. No polar angle and no azimuth in radians is larger, rounding included.
 _LARGEST_POLAR = 1.6
@@ -38,6 +40,8 @@ _MIN_COVERAGE = 0.7
 _TOO_BRIGHT = 1.3
 # A reading fits if its exchanged pairs differ so many times less than those of the other.
 _CLEARLY = 1.5
+# What is to be done about a declaration that the values contradict.
+_CHECK = "check what is declared; it was followed."
 
 
 def in_radians(angles: np.ndarray, declared: Unit | None) -> tuple[Unit, np.ndarray]:
@@ -68,15 +72,23 @@ def azimuth(angles: np.ndarray, values: np.ndarray) -> Azimuth:
     Raises:
         InputError: no highlight, or one on both sides.
     """
+    side = _highlighted_side(angles, values)
+    if side is None:
+        raise InputError(
+            "no highlight tells whether phi_r = phi_i is the side of the light or the mirror's: both readings fit "
+            "alike; declare --azimuth retro or forward."
+        )
+    return side
+
+
+def _highlighted_side(angles: np.ndarray, values: np.ndarray) -> Azimuth | None:
+    """The reading under which the highlight is one; None: neither, or both."""
     retro, forward = (_highlight(angles, values.mean(1), offset) for offset in (0.0, math.pi))
     if retro > _HIGHLIGHT and forward < _NO_HIGHLIGHT:
         return "retro"
     if forward > _HIGHLIGHT and retro < _NO_HIGHLIGHT:
         return "forward"
-    raise InputError(
-        "no highlight tells whether phi_r = phi_i is the side of the light or the mirror's: both readings fit alike; "
-        "declare --azimuth retro or forward."
-    )
+    return None
 
 
 def _highlight(angles: np.ndarray, values: np.ndarray, offset: float) -> float:
@@ -113,32 +125,89 @@ def quantity(angles: np.ndarray, values: np.ndarray) -> Quantity:
     Raises:
         InputError: two readings fit alike.
     """
-    mean = values.mean(1)
-    f, cosine = (_asymmetry(angles, mean / share) for share in (1.0, np.cos(angles[:, 0]).clip(1e-3)))
-    if f is None or cosine is None:
-        raise InputError(
-            "the table has too few pairs of exchanged directions to tell f from f cos θi by reciprocity; declare "
-            "--quantity f, pi-f or f-cos."
+    evidence = _Evidence.of(angles, values)
+    if len(evidence.supported) > 1:
+        raise InputError(evidence.doubt)
+    return evidence.supported[0]
+
+
+@dataclass(frozen=True)
+class _Evidence:
+    """What values say of the quantity that they are.
+
+    Attributes:
+        f, f_cos: typical relative difference of exchanged directions if they are f, or f cos θi; None: too few pairs.
+        albedo: largest share of the light that they reflect if they are f; None: viewers cover too little.
+    """
+
+    f: float | None
+    f_cos: float | None
+    albedo: float | None
+
+    @classmethod
+    def of(cls, angles: np.ndarray, values: np.ndarray) -> _Evidence:
+        """That of θi, φi, θr, φr in radians [n, 4] and values [n, C]."""
+        mean = values.mean(1)
+        f, f_cos = (_asymmetry(angles, mean / share) for share in (1.0, np.cos(angles[:, 0]).clip(1e-3)))
+        return cls(f, f_cos, _albedo(angles, mean))
+
+    @property
+    def supported(self) -> tuple[Quantity, ...]:
+        """The quantities that the values may be."""
+        if self.f is None or self.f_cos is None:
+            return "f", "pi-f", "f-cos"
+        if _CLEARLY * self.f_cos < self.f:
+            return ("f-cos",)
+        if not _CLEARLY * self.f < self.f_cos:
+            return "f", "pi-f", "f-cos"
+        return ("pi-f",) if self.albedo is not None and self.albedo > _TOO_BRIGHT else ("f", "pi-f")
+
+    @property
+    def doubt(self) -> str:
+        """Why several quantities are possible."""
+        if self.f is None or self.f_cos is None:
+            return (
+                "the table has too few pairs of exchanged directions to tell f from f cos θi by reciprocity; declare "
+                "--quantity f, pi-f or f-cos."
+            )
+        if "f-cos" in self.supported:
+            return (
+                f"f and f cos θi fit alike: exchanged directions differ by {self.f:.0%} and {self.f_cos:.0%}; declare "
+                "--quantity f, pi-f or f-cos."
+            )
+        if self.albedo is None:
+            return (
+                "f and π f fit alike: viewers cover too little of the hemisphere to sum the reflected light; declare "
+                "--quantity f or pi-f."
+            )
+        return (
+            f"f and π f fit alike: the surface would reflect {self.albedo:.0%} or {self.albedo / math.pi:.0%} of the "
+            "light; declare --quantity f or pi-f."
         )
-    if _CLEARLY * cosine < f:
-        return "f-cos"
-    if not _CLEARLY * f < cosine:
-        raise InputError(
-            f"f and f cos θi fit alike: exchanged directions differ by {f:.0%} and {cosine:.0%}; declare --quantity f, "
-            "pi-f or f-cos."
-        )
-    albedo = _albedo(angles, mean)
-    if albedo is None:
-        raise InputError(
-            "f and π f fit alike: viewers cover too little of the hemisphere to sum the reflected light; declare "
-            "--quantity f or pi-f."
-        )
-    if albedo > _TOO_BRIGHT:
-        return "pi-f"
-    raise InputError(
-        f"f and π f fit alike: the surface would reflect {albedo:.0%} or {albedo / math.pi:.0%} of the light; declare "
-        "--quantity f or pi-f."
-    )
+
+
+def doubts(stated: np.ndarray, angles: np.ndarray, values: np.ndarray, declaration: Declaration) -> Iterator[str]:
+    """Sentences on what is declared and the values clearly contradict.
+
+    Args:
+        stated: θi, φi, θr, φr in the unit that is declared [m, 4].
+        angles: those of the rows above the horizon, in radians [n, 4].
+        values: of these [n, C].
+        declaration: how they are read.
+    """
+    polar, azimuths = np.abs(stated[:, ::2]).max(), np.abs(stated[:, 1::2]).max()
+    if declaration.units == "deg" and polar <= _LARGEST_POLAR and azimuths <= _LARGEST_AZIMUTH:
+        yield f"Declared are degrees, but polar angles reach {polar:.3g} only, as if in radians: {_CHECK}"
+    if declaration.units == "rad" and polar > math.pi:
+        yield f"Declared are radians, but polar angles reach {polar:.3g}, as if in degrees: {_CHECK}"
+    side = _highlighted_side(angles, values) if declaration.azimuth else None
+    if side not in (None, declaration.azimuth):
+        yield f"Declared is azimuth {declaration.azimuth}, but the highlight lies where {side} has it: {_CHECK}"
+    supported = _Evidence.of(angles, values).supported if declaration.quantity else ()
+    if supported and declaration.quantity not in supported:
+        why = "it would reflect more light than there is" if supported == ("pi-f",) else "exchanged directions differ"
+        named = " or ".join(supported)
+        yield f"Declared is quantity {declaration.quantity}, but {why} unless it is {named}: {_CHECK}"
 
 
 def _asymmetry(angles: np.ndarray, values: np.ndarray) -> float | None:

@@ -13,5 +13,14 @@ def test_models_lists_the_catalogue(run: Run) -> None:
     code, out, _ = run("models")
     assert code == 0
     assert all(name in out for name in MODELS)
+    assert "What --model auto tries" in out
     listed = json.loads(run("models", "--json")[1])
     assert listed["oren-nayar"]["parameters"]["sigma"]["unit"] == "rad"
+
+
+def test_models_lists_what_auto_tries(run: Run) -> None:
+    from matest.estimation.recipes import RECIPES
+
+    candidates = json.loads(run("models", "--json")[1])["auto"]["candidates"]
+    assert [candidate["model"] for candidate in candidates] == [recipe.expression for recipe in RECIPES]
+    assert {"surface": "metal", "dielectric": "coloured gloss"}.items() <= candidates[2].items()

@@ -39,6 +39,11 @@ def test_a_negative_seed_is_refused_before_anything_is_read() -> None:
     assert "--seed" in refusal(lambda: Options(seed=-1))
 
 
+@pytest.mark.parametrize("model", ["Auto", "AUTO", "atuo", "Auto(distribution=any)"])
+def test_a_slip_in_the_name_of_auto_is_refused_with_the_right_one(model: str) -> None:
+    assert refusal(lambda: Options(model=model)) == f"--model {model}: unknown model; did you mean 'auto'?"
+
+
 def test_errors_to_refine_are_families_by_name() -> None:
     assert Options(refine=("blur", "black")).refine == ("blur", "black")
     assert Options(refine=("all",)).refine == tuple(NAMES)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +44,13 @@ def found() -> Estimate:
 
 def test_the_schema_is_named() -> None:
     assert clay().to_dict()["schema"] == "matest.estimate/1"
+
+
+def test_people_read_channels_by_name(found: Estimate) -> None:
+    assert found.labels == ["albedo[0]", "albedo[1]", "albedo[2]", "sigma"]
+    assert found.label_names == ["albedo R", "albedo G", "albedo B", "sigma"]
+    lamps = replace(found, channel_labels=("610 nm", "550 nm", "460 nm"))
+    assert lamps.label_names == ["albedo 610 nm", "albedo 550 nm", "albedo 460 nm", "sigma"]
 
 
 def test_every_key_of_the_contract_is_there() -> None:

@@ -14,6 +14,7 @@ from torch import Tensor
 
 from matest.brdf import Brdf, CookTorrance, OrenNayar, preset
 from matest.errors import InputError
+from matest.estimation import table_fit
 from matest.estimation.table_fit import TableFit, fit_table
 from matest.tables import Declaration, Table, load_table
 from matest.tables.loss import Loss
@@ -155,6 +156,33 @@ def test_where_no_model_fits_it_is_said_first_and_plainly() -> None:
     assert fit.verdict.startswith("No model of the catalogue fits this table: ")
     named = fit_table(retroreflective(), "lambert")
     assert named.verdict.startswith("lambert does not fit this table: ")
+
+
+def test_a_model_is_fitted_to_all_values_once_it_is_chosen_and_not_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: dict[str, list[Any]] = {"select": [], "solve": []}
+
+    def counted(name: str) -> Any:
+        function = getattr(table_fit, name)
+
+        def call(*arguments: Any) -> Any:
+            calls[name].append(arguments[0])
+            return function(*arguments)
+
+        return call
+
+    for name in calls:
+        monkeypatch.setattr(table_fit, name, counted(name))
+    # Without noise the noise is what each model leaves: no two choices are made under the same.
+    fit = fit_table(retroreflective())
+    assert 2 <= len(calls["select"]) <= 4
+    assert {*calls["solve"]} == {fit.estimate.model}
+
+
+def test_the_choice_for_a_measured_enamel_is_the_one_under_the_noise_that_it_leaves() -> None:
+    table = load_table(measurement("cornell", "krylon_blue.brdf"), Declaration(channels="rgb"))
+    fit = fit_table(table)
+    assert fit.estimate.model == "cook-torrance(lobes=2)"
+    assert fit.verdict.startswith("No model of the catalogue fits this table: cook-torrance(lobes=2), the best, misses")
 
 
 def test_few_incidences_give_no_honest_error_bars() -> None:

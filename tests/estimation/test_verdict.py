@@ -12,7 +12,7 @@ from matest.estimation.selection import Selection, select
 from matest.estimation.verdict import equivalents, sentences, telling_light
 from matest.photographs.noise import Noise
 from tests.captures import directional
-from tests.simulated import Studio
+from tests.simulated import Studio, coloured
 
 
 def selection_of(material: Brdf, studio: Studio) -> Selection:
@@ -47,6 +47,15 @@ def test_where_no_model_holds_that_is_said_first() -> None:
     said = [*sentences(select(samples, Options()))]
     assert said[0].startswith("No model of the catalogue predicts images left out to their noise: the best, ")
     assert "nor would a free mixture" in said[0]
+
+
+@pytest.mark.parametrize(("f0", "surface"), [([0.95, 0.64, 0.54], "metal"), ([0.06, 0.02, 0.02], "coloured gloss")])
+def test_only_a_reflectance_that_no_dielectric_has_makes_a_metal(f0: list[float], surface: str) -> None:
+    selection = selection_of(CookTorrance(0.0, 1.0, 0.2, f0=f0, fresnel="schlick"), Studio(size=32, lights=coloured()))
+    trial = next(each for each in selection.trials if "schlick,diffuse=0" in each.recipe.expression)
+    assert trial.surface == surface
+    matte = next(each for each in selection.trials if each.recipe.expression == "lambert")
+    assert matte.surface == "matte"
 
 
 def test_the_light_that_tells_a_highlight_from_none_stands_where_the_highlight_is() -> None:

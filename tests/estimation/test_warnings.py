@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -98,6 +99,34 @@ def test_an_image_without_a_usable_pixel_is_told() -> None:
 def test_a_model_that_misses_the_images_asks_for_a_look_at_what_was_stated() -> None:
     found = photographed(CookTorrance(0.05, 1.0, 0.1, f0=0.5), "lambert")
     assert any(warning.startswith("The model misses the images by ") for warning in found.warnings)
+
+
+@pytest.mark.parametrize(
+    ("expression", "options"), [("lambert", {}), ("cook-torrance", {"tie": {"specular": "diffuse"}})]
+)
+def test_a_named_model_that_is_far_from_the_images_is_said_to_be_first(expression: str, options: dict) -> None:
+    found = photographed(CookTorrance(0.05, 1.0, 0.3, f0=0.5), expression, **options)
+    times = math.sqrt(found.fit.reduced_chi2)
+    assert times > 10
+    assert found.warnings[0] == (
+        f"The model does not describe the images: residuals are {times:.3g} times the noise. Try --model auto, or "
+        "check what is stated of these images."
+    )
+
+
+def test_a_small_misfit_of_a_named_model_needs_no_such_word() -> None:
+    found = photographed(OrenNayar(0.7, 0.3), "lambert")
+    assert 1.1 < math.sqrt(found.fit.reduced_chi2) < 3
+    assert not any("does not describe" in warning for warning in found.warnings)
+
+
+def test_what_auto_chose_has_a_sentence_of_its_own() -> None:
+    studio = Studio(size=24)
+    turned = Studio(size=24, lights=studio.lights[1:] + studio.lights[:1]).scene
+    capture = changed(studio.photograph(OrenNayar(0.7, 0.5), 0), scene=turned)
+    found = matest.estimate(capture)
+    assert found.warnings[0].startswith("No model of the catalogue predicts images left out to their noise")
+    assert not any("does not describe" in warning for warning in found.warnings)
 
 
 def test_many_outliers_are_counted() -> None:
@@ -206,11 +235,18 @@ def test_few_values_are_told_to_give_uncertain_error_bars(context: Context, valu
 def test_channels_that_are_not_determined_are_named(context: Context) -> None:
     albedo = ParameterEstimate([0.5, None, 0.3], [0.1, None, 0.1], [[0, 1], None, [0, 1]], "1", "not determined")
     estimates = {**context.posterior.estimates, "albedo": albedo}
-    assert told(context, estimates=estimates) == ["albedo of channel 1 is not determined by these images."]
+    assert told(context, estimates=estimates) == ["albedo of channel G is not determined by these images."]
     sigma = ParameterEstimate(None, None, None, "rad", "not determined")
     assert told(context, estimates={**estimates, "sigma": sigma}) == [
-        "albedo of channel 1 and sigma are not determined by these images."
+        "albedo of channel G and sigma are not determined by these images."
     ]
+
+
+def test_channels_have_the_names_of_their_table(context: Context) -> None:
+    albedo = ParameterEstimate([0.5, None], [0.1, None], [[0, 1], None], "1", "not determined")
+    posterior = replace(context.posterior, estimates={**context.posterior.estimates, "albedo": albedo})
+    said = warnings(replace(context, posterior=posterior, channels=("450 nm", "550 nm")))
+    assert "albedo of channel 550 nm is not determined by these images." in said
 
 
 def test_every_rule_is_silent_where_there_is_nothing_to_tell(context: Context) -> None:

@@ -132,6 +132,19 @@ def test_error_bars_of_noise_alone_are_not_widened_and_jackknifed_ones_are() -> 
     assert missed.largest_widening > 1.2
 
 
+@pytest.mark.parametrize(("distance", "on_bound"), [(0.0, True), (0.04, True), (0.06, False)])
+def test_a_value_lies_on_a_bound_within_the_digits_of_its_standard_error(distance: float, on_bound: bool) -> None:
+    solution = solved(balanced(6))
+    std = float(error_bars(solution, source(6)).covariance.std[0])
+    near = replace(solution, unknowns=torch.tensor([1.0 - distance * std, 0.3], dtype=torch.float64))
+    bars = error_bars(near, source(6))
+    # Nothing pushes it outward: its error bar enters the others' as that of any other value.
+    assert not bool(bars.bound.any())
+    assert float(bars.covariance.std[0]) == pytest.approx(std)
+    assert (float(bars.ends[0]) == 1.0) == on_bound
+    assert math.isnan(float(bars.ends[1]))
+
+
 def test_what_is_expected_of_samples_is_what_samples_that_hold_the_model_give() -> None:
     solution = solved(balanced(6))
     expected, found = expected_error_bars(Expansion.of(solution)), error_bars(solution, source(6))

@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from matest import inference
-from matest.brdf import Lambert, OrenNayar
+from matest.brdf import CookTorrance, Lambert, OrenNayar
 from matest.inference.expansion import Expansion
 from matest.inference.posterior import foresee, judge, judge_to_first_order
 from matest.inference.quantities import ParameterEstimate
@@ -34,6 +34,17 @@ def test_a_determined_parameter_has_a_value_an_error_bar_and_an_interval(rough: 
     assert sigma.value == pytest.approx(0.4, abs=4 * sigma.std)
     low, high = sigma.interval95
     assert (high - low) / 2 == pytest.approx(1.96 * sigma.std, rel=1e-3)
+
+
+def test_a_value_on_a_bound_that_nothing_holds_there_has_a_one_sided_interval() -> None:
+    metal = judged(Studio(size=32).photograph(CookTorrance(0.0, 1.0, 0.2), 5), "cook-torrance")
+    position, diffuse = next(iter(metal.positions("diffuse"))), metal.posterior.estimates["diffuse"]
+    assert float(metal.solution.unknowns[position]) == 0
+    assert not bool(metal.posterior.bars.bound[position])
+    assert (diffuse.value, diffuse.std, diffuse.status) == (0.0, None, "at bound")
+    low, high = diffuse.interval95
+    assert low == 0
+    assert 0 < high < 0.001
 
 
 def test_a_parameter_per_channel_is_a_list(rough: Judged) -> None:

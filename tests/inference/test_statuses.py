@@ -18,6 +18,7 @@ KNOWN = Unknown(
     lower=0.0,
     flat=False,
     at_end=False,
+    end=math.nan,
     near_end=False,
     undetermined=False,
     locked=False,
@@ -50,6 +51,13 @@ def test_near_a_bound_an_interval_over_the_whole_domain_says_nothing() -> None:
 def test_an_unknown_at_a_bound_has_a_value_and_an_interval_but_no_error_bar() -> None:
     bound = replace(KNOWN, value=0.0, std=0.4, interval=(0.0, 0.5), at_end=True, near_end=True)
     assert Verdict.of(bound) == Verdict(0.0, None, [0.0, 0.5], "at bound")
+
+
+def test_a_value_on_a_bound_is_at_bound_even_if_nothing_holds_it_there() -> None:
+    almost = replace(KNOWN, value=0.9995, std=0.03, interval=(0.94, 0.9998), end=1.0, near_end=True)
+    assert Verdict.of(almost) == Verdict(1.0, None, [0.94, 1.0], "at bound")
+    # Nor does that make a number of what the samples say nothing of.
+    assert Verdict.of(replace(almost, std=0.3)) == NOTHING
 
 
 def test_where_the_model_is_flat_at_a_bound_the_bound_is_the_value() -> None:

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from matest.inference.quantities import ParameterEstimate
-from matest.report.format import channel_names, chi2, measured, rows, share
+from matest.report.format import chi2, measured, rows, share
 from tests.estimates import ALBEDO, FIXED, LOST, SIGMA
 
 RGB = ("R", "G", "B")
@@ -114,14 +114,11 @@ def test_an_interval_has_the_digits_of_its_width(ends: list[float], text: str) -
     assert interval == text
 
 
-@pytest.mark.parametrize(("value", "text"), [(0.0113, "1.13%"), (None, "no usable pixel")])
-def test_a_share_is_in_per_cent(value: float | None, text: str) -> None:
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.0113, "1.13%"), (9.99, "999.00%"), (81.234, "81.2 ×"), (None, "no usable pixel")]
+)
+def test_a_share_is_in_per_cent_and_a_large_one_a_multiple(value: float | None, text: str) -> None:
     assert share(value) == text
-
-
-@pytest.mark.parametrize(("count", "names"), [(1, ("0",)), (3, RGB), (5, ("0", "1", "2", "3", "4"))])
-def test_three_channels_are_red_green_and_blue(count: int, names: tuple[str, ...]) -> None:
-    assert channel_names(count) == names
 
 
 @pytest.mark.parametrize(("value", "text"), [(1.0234, "1.02"), (0.987, "0.99"), (42.0, "42.00"), (1234.5, "1.23e+03")])

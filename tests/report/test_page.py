@@ -90,7 +90,8 @@ def test_the_page_says_what_was_found() -> None:
         "123,456",
         "Fisher information",
         f"Held out of the fit, image 0 ({names(1)[0]}): relative rms error 2.00%",
-        "predicts images left out better than lambert",
+        "chosen: predicts images left out better than lambert",
+        "of one or two images four horizontal bands of each",
         "Noise was estimated from the images.",
         "500 background, 40 shadowed, 60 rim",
         "7 in images held out",
@@ -99,6 +100,13 @@ def test_the_page_says_what_was_found() -> None:
         "fit 0.30 s",
     ):
         assert part in text
+
+
+def test_only_the_row_of_the_chosen_model_is_bold() -> None:
+    text = page(clay(), names(1))
+    assert text.count("<tr class=bold>") == 1
+    assert text.split("<tr class=bold>")[1].startswith("<td>oren-nayar</td>")
+    assert "chosen: the simplest" not in words(text)
 
 
 def test_what_was_not_asked_for_is_not_on_the_page() -> None:

@@ -11,6 +11,7 @@ import pytest
 
 from matest.brdf import CookTorrance
 from matest.estimation.table_fit import TableFit, fit_table
+from matest.report import table_plots
 from matest.report.table_folder import write_fit
 from matest.report.table_page import table_page
 from matest.report.table_plots import plot_incidences, plot_posterior, plot_slices
@@ -56,6 +57,17 @@ def test_pictures_are_drawn(fit: TableFit, tmp_path: Path) -> None:
         picture = cv2.imread(str(tmp_path / f"{name}.png"))
         assert picture is not None
         assert picture.std() > 5
+
+
+def test_the_correlation_is_between_channels_by_name(
+    fit: TableFit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    figures = []
+    monkeypatch.setattr(table_plots, "_print", lambda figure, _: figures.append(figure))
+    plot_posterior(fit.estimate, tmp_path / "posterior.png")
+    ticks = {text.get_text() for axes in figures[0].axes for text in axes.get_xticklabels() + axes.get_yticklabels()}
+    assert {f"diffuse {channel}" for channel in fit.samples.table.channels} <= ticks
+    assert not any("[" in tick for tick in ticks)
 
 
 def test_light_that_no_incidence_reflects_has_a_panel(fit: TableFit, tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from rich.console import Console, RenderableType
 
 from matest.brdf import MODELS, PRESETS
 from matest.estimation.prediction import PredictionErrors
+from matest.estimation.recipes import RECIPES
 from matest.report.tables import (
     add_parameters,
     estimate_table,
@@ -16,6 +17,7 @@ from matest.report.tables import (
     plain_table,
     prediction_table,
     presets_table,
+    recipes_table,
     summary_table,
 )
 from tests.estimates import FIXED, LOST, SIGMA, clay
@@ -48,10 +50,32 @@ def test_the_colour_of_a_status_says_how_good_it_is(parameter: object, code: str
     assert (f"{code}{status}" if code else f" {status}") in text
 
 
+def test_only_the_row_of_the_chosen_model_is_bold() -> None:
+    rows = printed(estimate_table(clay()), colour=True).split("Models tried")[1].split("Left out in turn")[0]
+    assert ["\x1b[1m" in line for line in rows.splitlines() if "the simplest" in line or "chosen: " in line] == [
+        False,
+        True,
+    ]
+
+
+def test_what_auto_tries_is_readable_in_80_columns() -> None:
+    console = Console(file=StringIO(), width=80, highlight=False)
+    console.print(recipes_table(RECIPES))
+    lines = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
+    # Lines break between options, and no column is cut short.
+    models = " ".join(line[lines[2].index("model") :].strip() for line in lines[2:])
+    for recipe in RECIPES:
+        assert recipe.expression.replace(",", ", ") in models
+    assert "…" not in "".join(lines)
+    assert "metal, or coloured gloss" in " ".join(lines)
+
+
 def test_an_estimate_shows_errors_what_was_left_out_and_warnings() -> None:
     text = words(estimate_table(clay(skipped={"samples": {"saturated": 5}})))
     for part in (
         "Models tried",
+        "chosen: predicts images left out better than lambert",
+        "of one or two images four horizontal bands of each; of a measured table incidences",
         "0.5236 ± 0.0021 rad",
         "relative rms error 1.13%, 120,000 of 123,456 samples and 5 with a saturated channel, "
         "2.00% on the images left out.",

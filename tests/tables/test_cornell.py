@@ -60,6 +60,11 @@ def test_single_wavelengths_can_be_asked_for(path: Path) -> None:
     assert load_table(path, Declaration(channels="500")).values.tolist() == [[0.2], [0.0]]
 
 
+def test_azimuths_are_not_to_be_declared(path: Path) -> None:
+    with pytest.raises(InputError, match="--azimuth says how to read a CSV table, and this format leaves no choice"):
+        load_table(path, Declaration(azimuth="retro"))
+
+
 def test_an_incomplete_file_is_refused(path: Path) -> None:
     path.write_text(TABLE.rsplit(" ", 1)[0])
     with pytest.raises(InputError, match="do not divide into such rows; is the file complete"):

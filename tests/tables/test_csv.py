@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
 
-from matest.brdf import CookTorrance, Lambert, OrenNayar
+from matest.brdf import Brdf, CookTorrance, Lambert, OrenNayar
 from matest.errors import InputError
+from matest.spectra import to_rgb
 from matest.tables import Declaration, load_table
 from tests.tables.goniometer import hemispherical, measured, write_csv
 
@@ -81,7 +84,10 @@ def test_rows_below_the_horizon_and_gaps_are_left_out(tmp_path: Path) -> None:
         ("theta_i,phi_i,theta_r,phi_r,value\n0.1,0,0.2\n", "expected 5 numbers in line 2"),
         ("theta_i,phi_i,theta_r,phi_r,value\n", "there are none"),
         ("theta_i,phi_i,theta_r,phi_r,value\n0.5,0,0.6,180,1\n", "as if in different units"),
-        ("# units: furlong\ntheta_i,phi_i,theta_r,phi_r,value\n0.5,0,0.6,1,1\n", "units must be one of rad, deg"),
+        ("# units: furlong\n", "line 1: units must be one of rad, deg; got 'furlong'"),
+        ("\n# azimuth = toward the light\n", "line 2: azimuth must be one of retro, forward"),
+        ("# azimut: retro\n", "line 1: 'azimut' declares nothing; did you mean 'azimuth'"),
+        ("# Unit: rad\n", "line 1: 'Unit' declares nothing; did you mean 'units'"),
     ],
 )
 def test_bad_tables_are_refused_in_a_sentence(tmp_path: Path, text: str, words: str) -> None:
@@ -89,6 +95,72 @@ def test_bad_tables_are_refused_in_a_sentence(tmp_path: Path, text: str, words: 
     path.write_text(text)
     with pytest.raises(InputError, match=f"bad.csv: .*{words}"):
         load_table(path)
+
+
+def test_other_comments_are_free(tmp_path: Path) -> None:
+    path = write_csv(measured(GLOSS, hemispherical()), tmp_path / "a.csv")
+    free = "# quality: good\n# sample = 7\n# the units: none of them matter\n# Azimuth: Retro\n"
+    path.write_text(free + path.read_text())
+    assert "azimuth retro" in load_table(path, Declaration(quantity="f")).notes[0]
+
+
+@pytest.mark.parametrize(
+    ("content", "declared", "words"),
+    [
+        (
+            {},
+            Declaration(azimuth="forward", quantity="f"),
+            "azimuth forward, but the highlight lies where retro has it",
+        ),
+        ({"forward": True}, Declaration(azimuth="retro", quantity="f"), "azimuth retro, but .* where forward has it"),
+        (
+            {},
+            Declaration(azimuth="retro", quantity="f-cos"),
+            "f-cos, but exchanged directions differ unless .* f or pi-f",
+        ),
+        ({"scale": "f-cos"}, Declaration(azimuth="retro", quantity="f"), "quantity f, but exchanged .* it is f-cos"),
+        ({}, Declaration("deg", "retro", "f"), "degrees, but polar angles reach 1.48 only, as if in radians"),
+    ],
+)
+def test_a_declaration_that_the_values_contradict_is_followed_and_doubted(
+    tmp_path: Path, content: dict[str, Any], declared: Declaration, words: str
+) -> None:
+    table = load_table(write_csv(measured(GLOSS, hemispherical()), tmp_path / "a.csv", **content), declared)
+    assert f"quantity {declared.quantity}." in table.notes[0]
+    assert re.match(f"Declared (is|are) .*{words}.*: check what is declared; it was followed", table.notes[1])
+    assert len(table.notes) == 2
+
+
+@pytest.mark.parametrize("material", [GLOSS, Lambert(0.5), OrenNayar(0.7, 0.6)])
+def test_a_right_declaration_is_not_doubted(tmp_path: Path, material: Brdf) -> None:
+    path = write_csv(measured(material, hemispherical()), tmp_path / "a.csv")
+    assert len(load_table(path, PLAIN).notes) == 1
+
+
+def test_channels_of_a_table_of_wavelengths_are_chosen_and_made_rgb(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("theta_i,phi_i,theta_r,phi_r,650 nm,550 nm,450 nm\n0.5,0,0.3,1,0.3,0.2,0.1\n")
+    blue = load_table(path, Declaration("rad", "retro", "f", channels="450"))
+    assert (blue.channels, blue.values.tolist()) == (["450 nm"], [[0.1]])
+    rgb = load_table(path, Declaration("rad", "retro", "f", channels="rgb"))
+    assert rgb.channels == ["R", "G", "B"]
+    spectrum, ascending = torch.tensor([[0.1, 0.2, 0.3], [0.45, 0.55, 0.65]], dtype=torch.float64)
+    torch.testing.assert_close(rgb.values[0], to_rgb(spectrum, ascending))
+    with pytest.raises(InputError, match=r"a\.csv: expected the wavelength 500 nm"):
+        load_table(path, Declaration("rad", "retro", "f", channels="500"))
+
+
+@pytest.mark.parametrize("channels", ["rgb", "450"])
+def test_channels_of_a_table_without_wavelengths_are_refused(tmp_path: Path, channels: str) -> None:
+    path = write_csv(measured(GLOSS, hemispherical()), tmp_path / "a.csv")
+    with pytest.raises(InputError, match=f"a.csv: --channels {channels} needs a table of wavelengths"):
+        load_table(path, Declaration("rad", "retro", "f", channels=channels))
+
+
+def test_columns_that_are_rgb_already_can_be_asked_for(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("theta_i,phi_i,theta_r,phi_r,r,g,b\n0.5,0,0.3,1,0.3,0.2,0.1\n")
+    assert load_table(path, Declaration("rad", "retro", "f", channels="rgb")).values.tolist() == [[0.3, 0.2, 0.1]]
 
 
 def test_matte_tables_do_not_tell_the_side_of_the_azimuth(tmp_path: Path) -> None:

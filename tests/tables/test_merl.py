@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from matest.errors import InputError
-from matest.tables import load_table
+from matest.tables import Declaration, load_table
 from matest.tables.merl import cells
 
 N = 90 * 90 * 180
@@ -88,6 +88,19 @@ def test_at_the_normal_everything_is_finite(tmp_path: Path) -> None:
     table = load_table(write(tmp_path / "a.binary", stored))
     assert bool(torch.isfinite(table.wi).all())
     assert float(table.wi[0, 2]) > math.cos(math.radians(1))
+
+
+@pytest.mark.parametrize(
+    ("declaration", "words"),
+    [
+        (Declaration(units="deg"), "--units says how to read a CSV table"),
+        (Declaration(quantity="f"), "--quantity says how to read a CSV table"),
+        (Declaration(channels="450"), "--channels 450 needs a table of wavelengths, and its channels are R, G, B"),
+    ],
+)
+def test_what_the_format_has_no_choice_of_is_refused(tmp_path: Path, declaration: Declaration, words: str) -> None:
+    with pytest.raises(InputError, match=f"a.binary: {words}"):
+        load_table(write(tmp_path / "a.binary", np.full((3, N), 150.0)), declaration)
 
 
 def test_another_resolution_or_length_is_refused(tmp_path: Path) -> None:
