@@ -37,13 +37,14 @@ class Trial:
         recipe: of the candidate.
         left_out: its fit, and its error on what was left out.
         values: number of values.
-        relative_rmse: error of all parts when they were left out, every usable value counting alike.
+        relative_rmse: error of all parts when they were left out, every usable value counting alike; not a number
+            before the comparison is over.
     """
 
     recipe: Recipe
     left_out: LeftOut
     values: int
-    relative_rmse: float
+    relative_rmse: float = math.nan
 
     @property
     def holds(self) -> bool:
@@ -92,13 +93,18 @@ def judge_trials(trials: Sequence[Trial]) -> tuple[Trial, list[str]]:
 
 def is_better(trial: Trial, other: Trial) -> bool:
     """Whether a trial predicts what was left out better than another one, by more than chance and by enough."""
-    gain, beyond_noise = other.cost - trial.cost, max(other.cost - other.values, 0.0)
-    if gain < _LEAST_GAIN * max(trial.score, 1.0) ** 2:
-        return False
-    if gain < _LEAST_SHARE * other.cost and gain < _LEAST_SHARE_BEYOND_NOISE * beyond_noise:
+    if not is_enough(trial.cost, other):
         return False
     # Where the model holds, noise is the only chance there is.
     return trial.holds or _is_consistent(other.left_out.costs, trial.left_out.costs)
+
+
+def is_enough(cost: float, other: Trial) -> bool:
+    """Whether such a squared error of all parts left out is smaller by enough than that of a trial."""
+    gain, beyond_noise = other.cost - cost, max(other.cost - other.values, 0.0)
+    if gain < _LEAST_GAIN * max(cost / max(other.values, 1), 1.0):
+        return False
+    return gain >= _LEAST_SHARE * other.cost or gain >= _LEAST_SHARE_BEYOND_NOISE * beyond_noise
 
 
 def _is_consistent(before: Tensor, after: Tensor) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 
 from matest.errors import InputError
-from matest.estimation.comparison import Trial, judge_trials
+from matest.estimation.comparison import Trial, is_enough, judge_trials
 from matest.estimation.options import AUTO_ANY_DISTRIBUTION, Options
 from matest.estimation.recipes import DISTRIBUTIONS, LAST_LEVEL_OF_ALL, RECIPES, Component, Recipe
 from matest.estimation.result import Candidate
@@ -33,6 +33,9 @@ _EVEN_SAMPLES = 4_000
 _MIXED_LEVEL = 2
 # χ² that a mixture's many columns take from the noise, in units of the residuals: about one for each that counts.
 _MIXTURE_FREEDOM = 60.0
+# Misfit, as a share of the signal, beside which the columns that the last levels add to those of the first are not
+# seen: they differ from the nearest mixture of these by less than one per cent of the signal.
+_GROSS_MISFIT = 0.05
 # A model that a grid shows to be this many times worse than the best one on it is not refined.
 _HOPELESS_RATIO = 30.0
 # Models that are this many times worse than the closest one are no contenders.
@@ -110,7 +113,7 @@ class _Pilot:
 
 
 def select(samples: Samples, options: Options, progress: Progress = silent) -> Selection:
-    """Fit candidates level by level to a pilot, until one explains what any mixture of their columns does.
+    """Fit candidates level by level to a pilot, until no mixture of their columns does better than one of them.
 
     Candidates that lack a constrained parameter, or anything that could take up an unknown scale of the lights, are not
     tried.
@@ -124,11 +127,11 @@ def select(samples: Samples, options: Options, progress: Progress = silent) -> S
         pilot = _pilot(samples, options.seed)
         first = {recipe: problem for recipe, problem in problems.items() if recipe.level <= _MIXED_LEVEL} or problems
         with torch.no_grad():
-            field = Field([*first.values()], pilot.tile)
+            field = all_columns = Field([*first.values()], pilot.tile)
             mixture = field.mixture(pilot.tile)
         trials: list[Trial] = []
-        for level, group in itertools.groupby(problems, lambda recipe: recipe.level):
-            if not _is_needed(level, trials, mixture, pilot, options):
+        for level, group in itertools.groupby(problems, lambda recipe: max(recipe.level, LAST_LEVEL_OF_ALL)):
+            if trials and not _is_needed(level, trials, mixture, all_columns, pilot, options):
                 continue
             recipes = [*group]
             if recipes[0] not in first:
@@ -136,8 +139,9 @@ def select(samples: Samples, options: Options, progress: Progress = silent) -> S
                 with torch.no_grad():
                     field = Field([*first.values()], pilot.tile, mixture.squares)
             trials += _compete(recipes, [*first], field, mixture, pilot, progress)
-            if pilot.has_clipped:
-                trials = _about_closest(trials, pilot)
+        if pilot.has_clipped:
+            trials = _about_closest(trials, pilot)
+        trials = [replace(trial, relative_rmse=trial.left_out.relative_rmse(pilot.even)) for trial in trials]
     best, reasons = judge_trials(trials)
     mixture_error = math.sqrt(mixture.cost / max(mixture.values, 1))
     last = max(trial.recipe.level for trial in trials)
@@ -189,7 +193,7 @@ def _compete(
         left_out = leave_out(
             search.problem, mixture.tile, search.starts(1)[0], mixture.residual_scale, pilot.parts, not hopeless
         )
-        trials.append(Trial(recipe, left_out, mixture.values, left_out.relative_rmse(pilot.even)))
+        trials.append(Trial(recipe, left_out, mixture.values))
     return trials
 
 
@@ -206,17 +210,33 @@ def _about_closest(trials: Sequence[Trial], pilot: _Pilot) -> list[Trial]:
         left_out = trial.left_out
         if left_out.cost < _CONTENDER_RATIO * closest.left_out.cost:
             left_out = leave_out(left_out.problem, tile, left_out.unknowns, residual_scale, pilot.parts)
-        renewed.append(replace(trial, left_out=left_out, relative_rmse=left_out.relative_rmse(pilot.even)))
+        renewed.append(replace(trial, left_out=left_out))
     return renewed
 
 
-def _is_needed(level: int, trials: Sequence[Trial], mixture: Mixture, pilot: _Pilot, options: Options) -> bool:
-    """Whether models of a level may be better than those tried."""
+def _is_needed(
+    level: int, trials: Sequence[Trial], mixture: Mixture, field: Field, pilot: _Pilot, options: Options
+) -> bool:
+    """Whether models of a level may be better than those tried, for the likelihood expanded about the mixture."""
     if level == DISTRIBUTIONS and options.model == AUTO_ANY_DISTRIBUTION:
         return True
+    best, _ = judge_trials(trials)
+    if _misfit(best, pilot) > _GROSS_MISFIT:
+        # What a model of few columns could predict clearly better, a free mixture of many does too.
+        return is_enough(float(field.costs_left_out(mixture).sum()), best)
+    if pilot.has_clipped:
+        trials = _about_closest(trials, pilot)
     if level == DISTRIBUTIONS and any(trial.holds for trial in trials):
         return False
-    return level <= LAST_LEVEL_OF_ALL or not any(_explains(trial, mixture, pilot) for trial in trials)
+    return not any(_explains(trial, mixture, pilot) for trial in trials)
+
+
+def _misfit(trial: Trial, pilot: _Pilot) -> float:
+    """The error of a trial beyond the noise, as a share of the signal; 0 where it holds."""
+    if trial.holds:
+        return 0.0
+    beyond_noise = max(1 - trial.values / trial.cost, 0.0)
+    return trial.left_out.relative_rmse(pilot.even) * math.sqrt(beyond_noise)
 
 
 def _explains(trial: Trial, mixture: Mixture, pilot: _Pilot) -> bool:

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from matest.estimators.basis import TangentBasis
 from matest.estimators.levenberg_marquardt import bounded_step, minimise, moved
-from matest.estimators.passes import passes_over
+from matest.estimators.passes import Evaluate, passes_over
 from matest.estimators.statistics import Statistics
 from matest.estimators.unknowns import Problem
 from matest.samples import Batch, Tile
@@ -22,6 +22,11 @@ from matest.samples.tiles import in_memory
 _MAX_PASSES = 12
 # Standard errors. A comparison needs no optimum closer than this.
 _TOLERANCE = 0.1
+# Share of the cost by which a step has to lower it where the model does not hold: a tenth of a per cent tells no two
+# models apart.
+_LEAST_SHARE = 1e-3
+# The same of the cost beyond that of the noise, where it is less.
+_LEAST_SHARE_BEYOND_NOISE = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,15 +79,36 @@ def leave_out(
         refine: whether to go from the start to the optimum; if not, errors are those one step from the start.
     """
     evaluate = passes_over(problem, in_memory([tile]), start, None, residual_scale)
-    unknowns = start
+    unknowns, statistics = start, evaluate(start)
     if refine:
-        unknowns = minimise(problem, start, evaluate, passes=_MAX_PASSES, tolerance=_TOLERANCE).unknowns
-    statistics = evaluate(unknowns)
+        unknowns, statistics = _optimum(problem, start, evaluate, statistics)
     costs, moves = torch.zeros(parts, dtype=torch.float64), torch.zeros(parts, problem.size, dtype=torch.float64)
     for row, label in enumerate(statistics.labels.tolist()):
         moves[label] = _move_without(problem, unknowns, statistics, row)
         costs[label] = _cost_after(statistics, row, moves[label])
     return LeftOut(problem, unknowns, statistics.cost, statistics.reduced_chi2, costs, moves)
+
+
+def _optimum(problem: Problem, start: Tensor, evaluate: Evaluate, first: Statistics) -> tuple[Tensor, Statistics]:
+    """The lowest point u [P] of a descent from a start, and the statistics there."""
+    lowest = start, first
+
+    def recorded(unknowns: Tensor) -> Statistics:
+        nonlocal lowest
+        statistics = evaluate(unknowns)
+        if statistics.cost < lowest[1].cost:
+            lowest = unknowns, statistics
+        return statistics
+
+    minimise(problem, start, recorded, passes=_MAX_PASSES, tolerance=_tolerance, first=first)
+    return lowest
+
+
+def _tolerance(statistics: Statistics) -> float:
+    """The length of a step, in standard errors, that no comparison of models would show."""
+    cost, noise = statistics.cost, statistics.total("values")
+    drop = min(_LEAST_SHARE * cost, _LEAST_SHARE_BEYOND_NOISE * (cost - noise))
+    return max(math.sqrt(max(drop, 0.0) / statistics.inflation), _TOLERANCE)
 
 
 def _move_without(problem: Problem, unknowns: Tensor, statistics: Statistics, row: int) -> Tensor:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
@@ -13,6 +14,9 @@ from matest.estimators.statistics import Statistics
 from matest.estimators.unknowns import Problem
 from matest.samples import Tiles
 from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
+
+# Standard errors below which a step ends a fit, or what gives them for the statistics where the step starts.
+Tolerance = float | Callable[[Statistics], float]
 
 # Passes over the samples; a fit that takes more goes round in circles.
 MAX_PASSES = 60
@@ -180,7 +184,7 @@ def minimise(
     evaluate: Evaluate,
     *,
     passes: int,
-    tolerance: float,
+    tolerance: Tolerance,
     first: Statistics | None = None,
 ) -> Solution:
     """Minimise a sum of squares with fixed weights from `start` (damping after Nielsen 1999).
@@ -200,7 +204,8 @@ def minimise(
     step = _step(problem, unknowns, statistics, damping)
     for iteration in range(1, passes):
         was_rejected = growth > 2.0
-        if step.length < (min(tolerance, _DAMPED_TOLERANCE) if was_rejected else tolerance):
+        limit = _limit(tolerance, statistics)
+        if step.length < (min(limit, _DAMPED_TOLERANCE) if was_rejected else limit):
             # The last step needs no pass: the one after it would be shorter by its square.
             change = share * step.change
             if not step_is_visible(problem, unknowns, step.change, step.length):
@@ -223,4 +228,9 @@ def minimise(
         else:
             damping, growth, share = max(damping, _RETRY_DAMPING) * growth, growth * 2, 1.0
         step = _step(problem, unknowns, statistics, damping)
-    return Solution(problem, unknowns, statistics, passes, step.length, step.length < tolerance)
+    converged = step.length < _limit(tolerance, statistics)
+    return Solution(problem, unknowns, statistics, passes, step.length, converged)
+
+
+def _limit(tolerance: Tolerance, statistics: Statistics) -> float:
+    return tolerance(statistics) if callable(tolerance) else tolerance

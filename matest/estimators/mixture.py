@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -11,7 +11,7 @@ from scipy.optimize import nnls
 from torch import Tensor
 
 from matest.estimators.dictionary import Dictionary
-from matest.estimators.moments import Moments, moments
+from matest.estimators.moments import SCORES, Moments, moments
 from matest.estimators.one_step import expand_about
 from matest.estimators.search import Search, shape_nodes, solve_nodes
 from matest.estimators.unknowns import Problem
@@ -66,15 +66,35 @@ class Field:
             mixture, outliers = self._mixture(tile)
         return mixture
 
+    def costs_left_out(self, mixture: Mixture) -> Tensor:
+        """The error rᵀWr of a mixture of the columns at each part [B] when that is left out of its fit.
+
+        Only columns with a weight in the mixture of all parts are mixed. The labels of the groups of its samples are
+        the parts.
+        """
+        squares = mixture.squares
+        mixed = (mixture.weights > 0).any(0).nonzero()[:, 0]
+        columns = replace(self._columns, values=self._columns.values[:, mixed])
+        sums = moments(columns, squares, squares.response, mixture.tile.batch.groups)
+        gram, moment = sums.gram.sum(0), sums.moment.sum(0)
+        costs = torch.zeros(len(sums.labels), dtype=torch.float64)
+        for row, (part_gram, part_moment) in enumerate(zip(sums.gram, sums.moment, strict=True)):
+            weights = non_negative(gram - part_gram, moment - part_moment)
+            rise = (part_gram @ weights[..., None])[..., 0] - 2 * part_moment
+            costs[row] = sums.scores[row, SCORES.index("cost")] + (weights * rise).sum()
+        return costs
+
     def _mixture(self, tile: Tile) -> tuple[Mixture, float]:
         """The best mixture for the present weights, and the share of outliers about it."""
-        radiance = self._columns.radiance(non_negative(self._sums.gram[0], self._sums.moment[0]))
+        weights = non_negative(self._sums.gram[0], self._sums.moment[0])
+        radiance = self._columns.radiance(weights)
         residual_scale, (expanded,) = expand_about([radiance], [tile])
         squares = expanded.least_squares
         assert squares is not None
         outliers = float((squares.plain & (squares.weight == 0)).double().mean())
         cost = float((squares.weight * (squares.response - radiance).square()).sum())
-        return Mixture(expanded, squares, residual_scale, cost, int((squares.weight > 0).sum())), outliers
+        values = int((squares.weight > 0).sum())
+        return Mixture(expanded, squares, residual_scale, cost, values, weights), outliers
 
     def _weighed(self, squares: LeastSquares) -> Moments:
         return moments(self._columns, squares, squares.response, None)
@@ -100,6 +120,7 @@ class Mixture:
         residual_scale: typical residual there in standard deviations of the noise.
         cost: rᵀWr there.
         values: number of values of some weight.
+        weights: of the columns [C, K].
     """
 
     tile: Tile
@@ -107,6 +128,7 @@ class Mixture:
     residual_scale: ResidualScale
     cost: float
     values: int
+    weights: Tensor
 
 
 def non_negative(gram: Tensor, moment: Tensor) -> Tensor:

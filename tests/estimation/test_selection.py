@@ -179,5 +179,33 @@ def test_values_that_no_candidate_takes_are_named_with_the_reason() -> None:
     assert "2" in message.partition("(")[2]
 
 
+def test_where_no_mixture_predicts_better_than_models_that_fail_no_others_are_tried() -> None:
+    # Every other pixel is darker.
+    radiance = Studio(size=48).clean(Lambert(0.6))
+    radiance[:, ::2] *= 0.6
+    selection = select(Studio(size=48).expose(radiance, 1).samples(), Options())
+    assert not selection.best.holds
+    assert {trial.recipe.level for trial in selection.trials} == {0, 1}
+
+
+def test_a_small_misfit_is_no_reason_to_try_fewer_models() -> None:
+    # A bright gloss differs from the models of the first levels by less than a per cent.
+    bright = CookTorrance(torch.tensor([0.4, 0.2, 0.1]), torch.tensor([0.9] * 3), 0.2, 0.1)
+    sensor = Sensor(noise=Noise(5e-4, 1e-6))
+    selection = select(subject(sphere(64), ring(6), bright, sensor).photograph().samples(), Options())
+    assert name(selection) == "cook-torrance(f0=0.1)"
+    assert selection.best.holds
+
+
+def test_where_nothing_holds_a_mixture_that_predicts_better_leads_to_larger_models() -> None:
+    # One light is brighter than it is stated.
+    material = MATERIALS["cook-torrance(lobes=2,fresnel=schlick,diffuse=0)"]
+    radiance = Studio(size=48).clean(material)
+    radiance[0] *= 1.3
+    selection = select(Studio(size=48).expose(radiance, 1).samples(), Options())
+    assert not selection.best.holds
+    assert name(selection).startswith("cook-torrance(lobes=2,fresnel=schlick")
+
+
 def test_another_choice_of_auto_is_refused() -> None:
     assert "auto(distribution=any)" in refusal(lambda: Options(model="auto(lobes=2)"))

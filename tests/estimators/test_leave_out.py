@@ -27,13 +27,13 @@ def parts_of(material: Brdf) -> list[Batch]:
     return [replace(part, groups=torch.full((len(part),), k)) for k, part in enumerate(parts)]
 
 
-def fitted(expression: str, parts: list[Batch]) -> tuple[Problem, Tile, LeftOut]:
+def fitted(expression: str, parts: list[Batch], residual_scale: float = 1.0) -> tuple[Problem, Tile, LeftOut]:
     problem = specify_unknowns(expression, Options(), channels=1, relative=False).problem
     tile = Tile(join(parts), cache={})
     truth = problem.unknowns_at(TRUTH[expression].parameters)
     reference = predict_radiance(problem, truth, tile.batch)
-    tile = replace(tile, least_squares=tile.about(reference))
-    return problem, tile, leave_out(problem, tile, 1.05 * truth, 1.0, len(parts))
+    tile = replace(tile, least_squares=tile.about(reference, residual_scale))
+    return problem, tile, leave_out(problem, tile, 1.05 * truth, residual_scale, len(parts))
 
 
 @pytest.mark.parametrize("expression", TRUTH)
@@ -81,3 +81,22 @@ def test_without_refinement_the_fit_stays_at_its_start() -> None:
     rough = leave_out(problem, tile, 1.05 * left_out.unknowns, 1.0, len(parts), refine=False)
     torch.testing.assert_close(rough.unknowns, 1.05 * left_out.unknowns)
     assert rough.cost > left_out.cost
+
+
+def test_a_fit_that_misses_by_far_ends_within_a_tenth_of_a_per_cent_of_its_least_cost() -> None:
+    parts = parts_of(TRUTH["cook-torrance"])
+    # Twice the light that is stated, in one image.
+    parts[0] = replace(parts[0], radiance=2 * parts[0].radiance)
+    problem, tile, left_out = fitted("cook-torrance", parts, residual_scale=100.0)
+    evaluate = passes_over(problem, in_memory([tile]), left_out.unknowns, None, 100.0)
+    least = minimise(problem, left_out.unknowns, evaluate, passes=60, tolerance=1e-3).statistics.cost
+    assert left_out.reduced_chi2 > 10
+    assert least <= left_out.cost < 1.001 * least
+
+
+def test_a_fit_that_holds_ends_closer_to_its_least_cost_than_noise_shows() -> None:
+    parts = parts_of(TRUTH["cook-torrance"])
+    problem, tile, left_out = fitted("cook-torrance", parts)
+    evaluate = passes_over(problem, in_memory([tile]), left_out.unknowns, None, 1.0)
+    least = minimise(problem, left_out.unknowns, evaluate, passes=60, tolerance=1e-4).statistics.cost
+    assert left_out.cost < least + 0.05

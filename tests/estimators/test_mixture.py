@@ -79,3 +79,20 @@ def test_the_search_on_a_field_leads_beside_the_truth() -> None:
     assert float(start[search.problem.where["sigma"]]) == pytest.approx(0.5, abs=0.06)
     assert float(start[search.problem.where["albedo"]]) == pytest.approx(0.7, abs=0.02)
     assert field.cost(search) < field.cost(field.search(1))
+
+
+def test_a_part_unlike_the_others_is_missed_when_a_mixture_is_fitted_without_it() -> None:
+    batch = samples_of(OrenNayar(0.7, 0.5))
+    groups = torch.arange(len(batch)) * 3 // len(batch)
+    radiance = torch.where((groups == 1)[:, None], 1.1, 1.0) * batch.radiance
+    field, mixture = mixture_of(replace(batch, radiance=radiance, groups=groups))
+    costs = field.costs_left_out(mixture)
+    counts = groups.bincount()
+    assert float(costs.sum()) > mixture.cost
+    assert float(costs[1] / counts[1]) > 1.5 * float((costs[0] + costs[2]) / (counts[0] + counts[2]))
+
+
+def test_parts_left_out_of_a_mixture_that_holds_are_met_to_the_noise() -> None:
+    batch = samples_of(OrenNayar(0.7, 0.5))
+    field, mixture = mixture_of(replace(batch, groups=torch.arange(len(batch)) * 3 // len(batch)))
+    assert mixture.cost < float(field.costs_left_out(mixture).sum()) < 1.05 * mixture.cost
