@@ -16,12 +16,21 @@ from tests.benchmark.test_selection import HereInOrder
 
 
 def test_what_is_stated_of_every_row_is_an_uncertainty_and_its_families_can_be_refined() -> None:
-    for row in ROWS.values():
+    for name, row in ROWS.items():
         assert Uncertainty.of(row.size).stated.keys() == row.size.keys()
-        for column in columns_of(row):
+        for column in columns_of(name, Effort()):
             words = asked(row, column)
             Options(refine=tuple(words["refine"]) if column == "refined" else ("all",))
             assert {*words} == {"declared": {"uncertainty"}, "today": set()}.get(column, {"refine"})
+
+
+def test_every_kind_of_error_is_estimated_in_all_rows_only_where_the_suite_runs_alone() -> None:
+    assert columns_of("blur 1.5 px", Effort()) == COLUMNS
+    for short in (Effort(quick=True), Effort(shared=True)):
+        assert columns_of("blur 1.5 px", short) == ("today", "declared", "refined")
+        assert columns_of("four at once", short) == COLUMNS
+    assert columns_of("nothing wrong", Effort(quick=True)) == ("today", "all")
+    assert columns_of("normals 2° by pixel", Effort(quick=True)) == ("today", "declared")
 
 
 @pytest.mark.parametrize("kind", OBJECTS)
@@ -58,7 +67,7 @@ def test_the_table_fits_and_shows_what_misses_its_limit(monkeypatch: pytest.Monk
     assert by_metric[case, "gain, refined"].value == pytest.approx(1)
     assert by_metric[case, "gain, refined"].misses
     assert not by_metric["vase: mesh turned 1°", "gain, refined"].misses
-    assert by_metric[case, "error, all"].value is None
+    assert by_metric["vase: four at once", "error, all"].value is None
     assert ("vase: radius 1 px", "captures") not in by_metric
     terminal = Console(width=80, record=True)
     terminal.print(load("calibration").table(records))

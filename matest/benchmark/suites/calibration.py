@@ -94,6 +94,7 @@ class Row(NamedTuple):
         gain: least factor by which estimating it must make the error smaller; None: any.
         coverage: least coverage where its size is stated.
         objects: that can have it.
+        refinable: whether it can be estimated as well.
     """
 
     error: off.Error
@@ -101,6 +102,7 @@ class Row(NamedTuple):
     gain: float | None = None
     coverage: float = _COVERAGE
     objects: tuple[str, ...] = tuple(OBJECTS)
+    refinable: bool = True
 
 
 ROWS: dict[str, Row] = {
@@ -119,7 +121,7 @@ ROWS: dict[str, Row] = {
     "sRGB read as 2.2": Row(off.constant(transfer="srgb", read_as=2.2), {"transfer": _SRGB}),
     "normals 1° smooth": Row(off.smooth_normals(_DEGREE), {"normals": _DEGREE}, _GAIN_OF_MANY),
     "normals 2° by pixel": Row(
-        off.noisy_normals(2 * _DEGREE), {"normal_noise": 2 * _DEGREE}, coverage=_COVERAGE_OF_NOISE
+        off.noisy_normals(2 * _DEGREE), {"normal_noise": 2 * _DEGREE}, coverage=_COVERAGE_OF_NOISE, refinable=False
     ),
     "albedo ±20 % smooth": Row(off.smooth_albedo(_SMOOTH), {"albedo": _SMOOTH}, _GAIN),
     "albedo ±20 % halves": Row(off.two_regions(0.2), {"albedo": 0.2}),
@@ -136,6 +138,9 @@ ROWS: dict[str, Row] = {
         _GAIN_OF_MANY,
     ),
 }  # fmt: skip
+
+# Rows in which every kind of error is estimated in short runs too.
+_ALL = ("nothing wrong", "four at once")
 
 
 @dataclass(frozen=True)
@@ -164,11 +169,20 @@ def asked(row: Row, column: str) -> dict[str, Any]:
     return ways[column]
 
 
-def columns_of(row: Row) -> tuple[str, ...]:
-    """Where nothing is wrong, nothing can be stated of it; errors of single pixels are no unknowns."""
-    if not row.size:
-        return ("today", "all")
-    return tuple(column for column in COLUMNS if column != "refined" or "normal_noise" not in row.size)
+def columns_of(name: str, effort: Effort) -> tuple[str, ...]:
+    """How captures of a row are estimated.
+
+    Where nothing is wrong nothing can be stated of it. Every kind of error is estimated in all rows only where the
+    suite is measured alone, since that takes a dozen times as long as the rest.
+    """
+    row = ROWS[name]
+    possible = {
+        "today": True,
+        "declared": bool(row.size),
+        "refined": bool(row.size) and row.refinable,
+        "all": name in _ALL or not (effort.quick or effort.shared),
+    }
+    return tuple(column for column in COLUMNS if possible[column])
 
 
 def trial(name: str, kind: str, columns: Sequence[str], seed: int) -> dict[str, Outcome]:
@@ -208,22 +222,24 @@ def measure(effort: Effort, progress: Progress) -> Iterator[Record]:
         for name, kind in cases:
             outcomes: list[dict[str, Outcome]] = []
             end = time.perf_counter() + effort.seconds / len(cases)
-            columns = columns_of(ROWS[name])
+            columns = columns_of(name, effort)
             some = pool.map(trial, [name] * captures, [kind] * captures, [columns] * captures, range(captures))
             for result in some:
                 outcomes.append(result)
                 progress(f"{kind}: {name}", len(outcomes), captures)
                 if time.perf_counter() > end:
                     break
-            yield from _records(name, kind, outcomes)
+            yield from _records(name, kind, columns, outcomes)
 
 
-def _records(name: str, kind: str, outcomes: Sequence[Mapping[str, Outcome]]) -> Iterator[Record]:
+def _records(
+    name: str, kind: str, columns: Sequence[str], outcomes: Sequence[Mapping[str, Outcome]]
+) -> Iterator[Record]:
     """Coverage, rms error, its ratio to the mean standard error, and the gain, of each column."""
     row, case = ROWS[name], f"{kind}: {name}"
     yield Record("calibration", case, "captures", len(outcomes), "1", "higher")
     errors: dict[str, float] = {}
-    for column in columns_of(row):
+    for column in columns:
         some = [outcome[column] for outcome in outcomes]
         determined = [one for one in some if not math.isnan(one.error)]
         barred = [one for one in determined if not math.isnan(one.std)]
