@@ -76,12 +76,14 @@ class CalibratedModel:
     def _blurred(self, displaced: Displaced, batch: Batch) -> Tensor:
         """Radiance [n, C] before it is decoded."""
         radiance = self._shaded(displaced, batch)
-        if displaced.blur is None or displaced.around is None:
+        weights, around = displaced.weights, displaced.around
+        if weights is None or around is None:
             return radiance
         with torch.no_grad():
-            around = self._shaded(displaced.around, batch).unflatten(0, (-1, len(batch)))
-            laplacian = around.sum(0) - len(around) * radiance
-        return radiance + displaced.blur / 2 * laplacian
+            beside = self._shaded(around, batch).unflatten(0, (-1, len(batch)))
+            here = radiance.detach()
+        blurred = weights[0][:, None] * here + (weights[1:, :, None] * beside).sum(0)
+        return radiance + (blurred - here)
 
     def _shaded(self, displaced: Displaced, batch: Batch) -> Tensor:
         """Radiance [n, C] without blur."""

@@ -31,6 +31,9 @@ _MIN_PUSH = 0.1
 # Standard errors between a value and a bound that no one can tell apart: two digits of the error, which a value is
 # printed to, leave up to as much.
 _AT_END = 0.05
+# Ratio of the scatter of blocks to that of independent residuals of their images that chance may bring: that of 16 blocks
+# has a standard deviation of √(2/16), two of which are 0.7.
+_BLOCKS_BY_CHANCE = 1.7
 # Images that a jackknife needs, no two of them repeats of each other; with fewer it leaves out blocks of pixels, of
 # which it needs as many.
 _MIN_CLUSTERS = 4
@@ -133,7 +136,13 @@ def _ends(solution: Solution, std: Tensor) -> Tensor:
 def _with_calibration(bars: ErrorBars, budget: Budget, free: Tensor) -> ErrorBars:
     """Error bars with what errors of the calibration add, where some unknowns [P] are not held at a bound."""
     parts, of_all = budget.covariances(free), budget.covariances(torch.ones_like(free))
-    covariance, unbounded = _plus(bars.covariance, parts.values()), _plus(bars.open, of_all.values())
+    covariance, unbounded = bars.covariance, bars.open
+    if bars.kind == "fisher":
+        covariance, unbounded = _plus(covariance, parts.values()), _plus(unbounded, of_all.values())
+    else:
+        # The scatter of images holds errors that differ between them already.
+        covariance = _plus(covariance, [_beyond(sum(parts.values()), covariance.matrix)])
+        unbounded = _plus(unbounded, [_beyond(sum(of_all.values()), unbounded.matrix)])
     growth = (unbounded.std / bars.open.std).nan_to_num(1.0, posinf=1.0)
     return replace(
         bars,
@@ -166,10 +175,15 @@ def _scatter_of_blocks(expansion: Expansion, blocks: Statistics, places: Statist
         free: unknowns that are not at a bound [P].
     """
     inverse = fisher(expansion.precision, free).matrix
-    scale = inverse.diagonal().clamp(min=torch.finfo(inverse.dtype).tiny).sqrt()
     moves = [inverse @ clusters.gradient_by_group.T / blocks.inflation for clusters in (blocks, places)]
     of_blocks, of_places = (len(move.T) / (len(move.T) - 1) * move @ move.T for move in moves)
-    values, vectors = torch.linalg.eigh((of_blocks - of_places) / scale / scale[:, None])
+    return _beyond(of_blocks, _BLOCKS_BY_CHANCE * of_places)
+
+
+def _beyond(covariance: Tensor | float, other: Tensor) -> Tensor:
+    """The part of a covariance [P, P] by which it is larger than another one, none below zero."""
+    scale = (covariance + other).diagonal().clamp(min=torch.finfo(other.dtype).tiny).sqrt()
+    values, vectors = torch.linalg.eigh((covariance - other) / scale / scale[:, None])
     root = vectors * values.clamp(min=0).sqrt() * scale[:, None]
     return root @ root.T
 

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Hashable
 from typing import Protocol
-from weakref import WeakKeyDictionary
 
 import torch
 from torch import Tensor
 from torch.nn.functional import normalize
 
 from matest.errors import InputError
-from matest.photographs.pixels import LitPixels
 from matest.photographs.world import TERMS, World, Worlds
-from matest.samples.batch import Batch
-from matest.samples.calibration import Displaced, Family
+from matest.samples.calibration import Family
 from matest.samples.groups import Groups
+
+# Squared cosine from the viewer to a normal on the outline, at least: its derivative stays finite.
+_GRAZING = 1e-4
 
 
 class Nuisance(Protocol):
@@ -151,7 +150,11 @@ class Shift:
     def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
         return Family("shift", "px", "shift of the object in the images, right and down", 2, _common(groups, 2))
 
-    def act(self, world: World, values: Tensor, worlds: Worlds) -> None:  # noqa: ARG002
+    def act(self, world: World, values: Tensor, worlds: Worlds) -> None:
+        if worlds.sphere_radius is not None:
+            right, up = values[:, 0] / worlds.sphere_radius, -values[:, 1] / worlds.sphere_radius
+            world.normals = _on_sphere(world.normals[:, 0] - right, world.normals[:, 1] - up)
+            return
         world.normals = world.normals - (world.places.normal_slopes * values[:, None]).sum(-1)
 
 
@@ -162,6 +165,10 @@ class Radius:
         return Family("radius", "px", "radius of the object's outline beyond what is stated", 1, _common(groups, 1))
 
     def act(self, world: World, values: Tensor, worlds: Worlds) -> None:
+        if worlds.sphere_radius is not None:
+            shrunk = world.normals[:, :2] / (1 + values / worlds.sphere_radius)
+            world.normals = _on_sphere(*shrunk.unbind(-1))
+            return
         low, high = worlds.grid.box
         offset = world.places.coordinates - ((low + high) / 2).to(values)
         growth = (world.places.normal_slopes * offset[:, None]).sum(-1) / (float((high - low).max()) / 2)
@@ -229,7 +236,7 @@ class AlbedoField:
 
 
 class Blur:
-    """The blur of the images by a Gaussian; its unknown is the variance, which adds half the Laplacian."""
+    """The blur of the images by a Gaussian; its unknown is the variance."""
 
     def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
         return Family("blur", "px²", "variance of the images' blur", 1, _common(groups, 1))
@@ -259,62 +266,6 @@ NUISANCES: dict[str, Nuisance] = {
 }
 
 
-class PhotographCalibration:
-    """The families of errors of some photographs, and what they do to samples.
-
-    Args:
-        samples: of the photographs.
-        groups: of the samples.
-        names: of the kinds of errors, in the order of their unknowns.
-    """
-
-    def __init__(self, samples: LitPixels, groups: Groups, names: Sequence[str]) -> None:
-        self._worlds = Worlds(samples)
-        self._groups = groups
-        self._names = names
-        self.families = [NUISANCES[name].family(self._worlds, groups) for name in names]
-        # What does not change with the errors, for batches that are asked for more than once.
-        self._exact: WeakKeyDictionary[Batch, list[World]] = WeakKeyDictionary()
-
-    def displaced(self, batch: Batch, values: Tensor) -> Displaced:
-        """See `Calibration`."""
-        widths = [family.width for family in self.families]
-        parts = dict(zip(self._names, values.split(widths, dim=1), strict=True))
-        here, *around = (replace(world) for world in self._worlds_of(batch, blurred="blur" in parts))
-        displaced = self._acted(here, parts)
-        if not around:
-            return displaced
-        with torch.no_grad():
-            four = {name: part.repeat(len(around[0].normals) // len(batch), 1) for name, part in parts.items()}
-            return replace(displaced, blur=parts["blur"], around=self._acted(around[0], four))
-
-    def _acted(self, world: World, values: Mapping[str, Tensor]) -> Displaced:
-        for name, nuisance in NUISANCES.items():
-            if name in values:
-                nuisance.act(world, values[name], self._worlds)
-        return Displaced(
-            points=world.points(),
-            body=world.body,
-            power=world.power,
-            white=None if world.power is None else world.places.white,
-            offset=world.offset,
-        )
-
-    def _worlds_of(self, batch: Batch, *, blurred: bool) -> list[World]:
-        """The world of a batch, and that of the pixels around its own where these run into them."""
-        worlds = self._exact.get(batch)
-        if worlds is None:
-            if batch.pixels is None:
-                raise ValueError("errors of the calibration need samples that say which pixel they are.")
-            image = self._groups.image_of(batch)
-            worlds = [self._worlds.of(batch, image, batch.pixels)]
-            if blurred:
-                around = self._worlds.grid.neighbours(batch.pixels)
-                worlds.append(self._worlds.of(batch, image, around.flatten()))
-            self._exact[batch] = worlds
-        return worlds
-
-
 def key_light(worlds: Worlds) -> Tensor:
     """Irradiance of the brightest light of an image at the object's middle, the mean over images [C]."""
     surface, brightest = worlds.scene.surface, []
@@ -337,6 +288,11 @@ def _light_numbers(worlds: Worlds) -> Tensor:
         # Lights that an image lacks give nothing: whose number they have does not matter.
         rows.append(row + [0] * (worlds.slots - len(row)))
     return torch.tensor(rows)
+
+
+def _on_sphere(x: Tensor, y: Tensor) -> Tensor:
+    """Unit normals [n, 3] of a sphere that a distant camera sees, by two components; those beyond its outline on it."""
+    return torch.stack([x, y, (1 - x.square() - y.square()).clamp(min=_GRAZING).sqrt()], dim=-1)
 
 
 def _across(vectors: Tensor) -> tuple[Tensor, Tensor]:

@@ -12,8 +12,9 @@ from torch import Tensor
 
 from matest.parameters import Role
 from matest.photographs.averaging import slope_variance
+from matest.photographs.calibration import PhotographCalibration
 from matest.photographs.noise import Noise, quantisation
-from matest.photographs.nuisances import NUISANCES, PhotographCalibration
+from matest.photographs.nuisances import NUISANCES
 from matest.photographs.photometry import Encoding
 from matest.photographs.pilot import pilot
 from matest.photographs.pixels import BLOCKS, LitPixels

@@ -124,6 +124,15 @@ class Worlds:
         return max(len(self.scene.lights[image]) for image in self.images)
 
     @cached_property
+    def sphere_radius(self) -> float | None:
+        """Radius in pixels of a sphere that a distant camera sees; None: the surface is another."""
+        surface = self.scene.surface
+        if not surface.convex:
+            return None
+        x = self.grid.coordinates(torch.arange(len(surface)))[:, 0]
+        return float((x - x.mean()).square().mean().sqrt() / surface.normals[:, 0].std(correction=0))
+
+    @cached_property
     def unoccluded(self) -> np.ndarray | None:
         """Share of an even sky that each pixel of the surface sees [N]; None: all of it."""
         stated = self.scene.unoccluded
@@ -178,11 +187,10 @@ class Grid:
 
     @cached_property
     def _places(self) -> Tensor:
-        """Index of the surface's pixel at every pixel of the image, −1 on the background; a border of −1 all round."""
-        places = np.full((self.height + 2, self.width + 2), -1, dtype=np.int32)
-        inner = self._surface.image(np.arange(1, len(self._surface) + 1, dtype=np.int32)) - 1
-        places[1:-1, 1:-1] = inner
-        return torch.from_numpy(places.reshape(-1))
+        """Index of the surface's pixel at every pixel of the image [H W], −1 on the background."""
+        places = np.full(self.height * self.width, -1, dtype=np.int32)
+        places[self._surface.pixels] = np.arange(len(self._surface), dtype=np.int32)
+        return torch.from_numpy(places)
 
     def coordinates(self, pixels: Tensor) -> Tensor:
         """Of the centres of some pixels [n, 2]."""
@@ -216,17 +224,27 @@ class Grid:
         some = torch.linspace(0, count - 1, min(count, _MEAN_PIXELS)).long()
         return self.polynomials(some).mean(0)
 
-    def neighbours(self, pixels: Tensor) -> Tensor:
-        """The pixels to the left, right, top and bottom of some pixels [4, n]; themselves where there is none."""
+    def around(self, pixels: Tensor, stride: int = 1) -> tuple[Tensor, Tensor]:
+        """The pixels of a square around each of some pixels, row by row, its middle left out.
+
+        Args:
+            pixels: of the surface [n].
+            stride: between them.
+
+        Returns:
+            The others [8, n], and which of these are on the object; one that is not is given as the pixel itself.
+        """
         x, y = (self.coordinates(pixels) - 0.5).long().T
-        padded = (y + 1) * (self.width + 2) + x + 1
-        steps = torch.tensor([[-1], [1], [-(self.width + 2)], [self.width + 2]])
-        beside = self._places[padded + steps].long()
-        return torch.where(beside < 0, pixels, beside)
+        steps = torch.tensor([(dx, dy) for dy in (-stride, 0, stride) for dx in (-stride, 0, stride) if dx or dy])
+        x, y = x + steps[:, :1], y + steps[:, 1:]
+        inside = (x >= 0) & (x < self.width) & (y >= 0) & (y < self.height)
+        beside = self._places[torch.where(inside, y * self.width + x, 0)].long()
+        inside &= beside >= 0
+        return torch.where(inside, beside, pixels), inside
 
     def slopes(self, values: Tensor, pixels: Tensor) -> Tensor:
         """Change per pixel along x and y at some pixels [n, k, 2] of values [N, k] of the surface."""
-        left, right, up, down = self.neighbours(pixels)
+        _, up, _, left, right, _, down, _ = self.around(pixels)[0]
         parts = []
         for before, after in ((left, right), (up, down)):
             steps = (before != pixels).int() + (after != pixels).int()

@@ -54,8 +54,8 @@ class Displaced:
         power: excess over 1 of the exponent between true and decoded radiance [n, 1]; None: 0.
         white: radiance of full scale [n, 1]; needed beside `power`.
         offset: added to the decoded radiance [n, C]; None: 0.
-        blur: variance of the images' blur in pixels² [n, 1], which adds half the Laplacian; None: 0.
-        around: the pixels left, right, above and below of all samples, 4 n; needed beside `blur`.
+        weights: of each sample and of k others around it in its blurred value [1 + k, n]; None: it is sharp.
+        around: these others, k n; needed beside `weights`.
     """
 
     points: Points
@@ -63,7 +63,7 @@ class Displaced:
     power: Tensor | None = None
     white: Tensor | None = None
     offset: Tensor | None = None
-    blur: Tensor | None = None
+    weights: Tensor | None = None
     around: Displaced | None = None
 
     def decoded(self, radiance: Tensor) -> Tensor:
