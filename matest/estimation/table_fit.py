@@ -15,7 +15,6 @@ from torch import Tensor
 from matest.errors import Fault, refuse
 from matest.estimation.estimate import solve, summary
 from matest.estimation.options import AUTO, Options, Value
-from matest.estimation.recipes import RECIPES
 from matest.estimation.result import Estimate
 from matest.estimation.selection import Selection, select
 from matest.estimation.specification import Specification, expression_of
@@ -36,8 +35,6 @@ SCHEMA = "matest.fit/1"
 # Rounds of fit and noise. Relative change of the noise that ends them: it changes error bars by less than they say.
 _MAX_ROUNDS = 12
 _NOISE_CHANGE = 0.01
-# Choices of the model after the first one, each under the noise that the one before leaves: two or three settle it.
-_MAX_RESELECTIONS = 3
 # Relative rms difference of cube roots above which no one would take the model for the material.
 _MISSED = 0.2
 # The same, above which it is said where the model is wrong.
@@ -212,18 +209,17 @@ def _faults(table: Table) -> Iterator[Fault]:
 def _selected(samples: TableSamples, options: Options, progress: Progress) -> tuple[TableSamples, Selection]:
     """The choice of the model, and the samples with the noise that it was made under.
 
-    The noise is stated, or what the model chosen before leaves on the pilot: under less noise more components show.
+    Where none is stated, the model chosen under a first guess leaves a better one, under which another may be better.
     """
-    selection, position = replace(select(samples, options, progress), unit="incidence"), -1
-    for _ in range(0 if samples.noise_stated else _MAX_RESELECTIONS):
-        fitted = selection.best.left_out
-        reweighted = samples.with_noise(_noise(samples, fitted.problem, fitted.unknowns))
-        again = replace(select(reweighted, options, progress), unit="incidence")
-        # The first choice was made under a guess; after it, noise that leads back to a smaller model is no progress.
-        if RECIPES.index(again.best.recipe) <= position:
-            break
-        samples, selection, position = reweighted, again, RECIPES.index(again.best.recipe)
-    return samples, selection
+    selection = select(samples, options, progress)
+    if not samples.noise_stated:
+        first = selection.best.left_out
+        samples = samples.with_noise(_noise(samples, first.problem, first.unknowns))
+        # Weights that are far off leave the model far off too: its residuals tell the noise only under better ones.
+        solution = fit(first.problem, samples, options.seed, progress, start=first.unknowns)
+        samples = samples.with_noise(_noise(samples, solution.problem, solution.unknowns))
+        selection = select(samples, options, progress)
+    return samples, replace(selection, unit="incidence")
 
 
 def _solved(

@@ -7,11 +7,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-import torch
-
+from matest.estimation.odd_image import spoiling_image
 from matest.estimation.specification import Specification
 from matest.estimators import Solution
-from matest.estimators.covariance import fisher
 from matest.inference.derived import shows_only_in_derived
 from matest.inference.posterior import Posterior
 from matest.inference.quantities import ParameterEstimate, channel_names
@@ -36,14 +34,8 @@ _MISSED_SCALE = 3.0
 _MISSED_RATIO = 3.0
 # χ² per value above which one image is looked for that spoils the fit.
 _SPOILT_CHI2 = 1.5
-# An image spoils the fit if χ² per value without it falls below this, where the model holds for the others,
-_MET_CHI2 = 1.1
-# or below this share of χ² per value with it: a model that fits no image does not gain that much from leaving one out.
-_SPOILT_SHARE = 0.1
 # Values for every unknown below which error bars are uncertain themselves: with more, by at most 1/√60 = 13 %.
 _FEW_VALUES = 30
-# With fewer images the others do not tell which one is odd.
-_MIN_IMAGES = 3
 
 
 @dataclass(frozen=True)
@@ -192,7 +184,9 @@ def _twin_images(context: Context) -> Iterator[str]:
 
 def _odd_image(context: Context) -> Iterator[str]:
     bars = context.posterior.bars
-    odd = None if bars.holds or bars.chi2 < _SPOILT_CHI2 else _without_one(context)
+    odd = (
+        None if bars.holds or bars.chi2 < _SPOILT_CHI2 else spoiling_image(context.solution.statistics, context.samples)
+    )
     if odd is not None:
         position, chi2 = odd
         image = context.account.images[position]
@@ -388,26 +382,3 @@ def _channels(parameter: ParameterEstimate, names: Sequence[str]) -> str:
     values = parameter.value if isinstance(parameter.value, list) else []
     channels = [name for name, value in zip(names or channel_names(len(values)), values, strict=False) if value is None]
     return f" of channel {', '.join(channels)}" if 0 < len(channels) < len(values) else ""
-
-
-def _without_one(context: Context) -> tuple[int, float] | None:
-    """The position of the image that spoils the fit, and χ² per value without it; None: no image does.
-
-    The optimum without an image is taken one Gauss-Newton step away from the one with it.
-    """
-    images = context.solution.statistics.regrouped(context.samples.groups.image)
-    if len(images) < _MIN_IMAGES:
-        return None
-    total, slope = images.information, images.gradient
-    costs, values = images.column("cost"), images.column("values")
-    unknowns = torch.ones(len(total), dtype=torch.bool)
-    chi2_without = []
-    for image in range(len(images)):
-        information, gradient = total - images.only(image).information, slope - images.only(image).gradient
-        gain = float(gradient @ fisher(information, unknowns).matrix @ gradient)
-        remaining = max(float(values.sum() - values[image]), 1.0)
-        chi2_without.append(float(costs.sum() - costs[image] - gain) / remaining)
-    worst = min(range(len(images)), key=lambda image: chi2_without[image])
-    chi2 = float(costs.sum()) / max(float(values.sum()), 1.0)
-    spoils = chi2_without[worst] < max(_MET_CHI2, _SPOILT_SHARE * chi2)
-    return (int(images.labels[worst]), chi2_without[worst]) if spoils else None
