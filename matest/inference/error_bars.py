@@ -31,8 +31,8 @@ _MIN_PUSH = 0.1
 # Standard errors between a value and a bound that no one can tell apart: two digits of the error, which a value is
 # printed to, leave up to as much.
 _AT_END = 0.05
-# Ratio of the scatter of blocks to that of independent residuals of their images that chance may bring: that of 16 blocks
-# has a standard deviation of √(2/16), two of which are 0.7.
+# Ratio of the scatter of blocks to that of independent residuals of their images that chance may bring: that of 16
+# blocks has a standard deviation of √(2/16), two of which are 0.7.
 _BLOCKS_BY_CHANCE = 1.7
 # Images that a jackknife needs, no two of them repeats of each other; with fewer it leaves out blocks of pixels, of
 # which it needs as many.

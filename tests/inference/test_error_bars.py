@@ -212,7 +212,8 @@ def test_what_parts_of_the_object_have_in_common_in_all_images_widens_error_bars
     columns = studio.scene.surface.pixels % studio.size
     halves = np.where(columns < studio.size / 2, 0.9, 1.1)[None, :, None]
     albedo = matest.estimate(studio.expose(radiance * halves, 1), "lambert").parameters["albedo"]
-    # Four columns of blocks whose factors are 0.9 or 1.1: their mean has a standard error of 0.1 / √4.
+    # Four columns of blocks whose factors are 0.9 or 1.1: their mean has a standard error of 0.1 / √4, of which what
+    # chance may bring is left away.
     relative = [std / value for std, value in zip(albedo.std, [0.7, 0.5, 0.3], strict=True)]
-    assert all(0.03 < std < 0.08 for std in relative)
+    assert all(0.025 < std < 0.08 for std in relative)
     assert all(low < value < high for value, (low, high) in zip([0.7, 0.5, 0.3], albedo.interval95, strict=True))
