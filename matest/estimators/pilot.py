@@ -28,6 +28,10 @@ from matest.workers import single_threaded_torch
 
 # The likelihood is expanded about one optimum after the other, at most this many times; most fits need three or four.
 _MAX_EXPANSIONS = 40
+# The same with errors of the calibration: those of a capture that no such error explains could go on for long.
+_CALIBRATED_EXPANSIONS = 8
+# Passes for each of these.
+_CALIBRATED_PASSES = 20
 # Standard errors. An expansion that moves the optimum by less is the last: the rest is far below the error bar.
 _LAST_MOVE = 0.05
 # Standard errors. A fit that comes this close to another optimum is abandoned, since it would end there.
@@ -83,7 +87,8 @@ def _descend(problem: Problem, start: Tensor, reference: Tensor, tiles: list[Til
     """The optimum near `start` u [P] of the likelihood expanded about `reference` u [P]."""
     residual_scale, expanded = expand_likelihood(problem, tiles, reference)
     evaluate = passes_over(problem, in_memory(expanded), start, None, residual_scale)
-    solution = minimise(problem, start, evaluate, passes=MAX_PASSES, tolerance=tolerance)
+    passes = _CALIBRATED_PASSES if problem.nuisances else MAX_PASSES
+    solution = minimise(problem, start, evaluate, passes=passes, tolerance=tolerance)
     return replace(solution, residual_scale=residual_scale)
 
 
@@ -100,7 +105,7 @@ def _optima(starts: Sequence[Solution], tiles: list[Tile]) -> list[Solution]:
 def follow(problem: Problem, start: Tensor, tiles: list[Tile], optima: Sequence[Solution] = ()) -> Solution:
     """The optimum of the likelihood that a start u [P] leads to, or a solution near one of the `optima`."""
     unknowns, move = start, 1.0
-    for _ in range(_MAX_EXPANSIONS):
+    for _ in range(_CALIBRATED_EXPANSIONS if problem.nuisances else _MAX_EXPANSIONS):
         # The next expansion moves the optimum too: no use in knowing this one much better than that.
         tolerance = min(max(_TOLERANCE_SHARE * move, _MIN_TOLERANCE), _MAX_TOLERANCE)
         solution = _descend(problem, unknowns, unknowns, tiles, tolerance)
