@@ -97,8 +97,7 @@ class _Step:
         change: of the unknowns [P].
         slope: rate at which χ² falls along it at its start.
         curvature: second-order term of the Gauss-Newton model, so that χ² drops by slope − curvature.
-        length: in standard errors, jointly: short along a direction that is hardly determined. Beside errors of the
-            calibration it is that of the other unknowns.
+        length: see `step_length`: short along a direction that is hardly determined.
     """
 
     change: Tensor
@@ -111,17 +110,25 @@ def _step(problem: Problem, unknowns: Tensor, statistics: Statistics, damping: f
     information, gradient = statistics.information, statistics.gradient
     change = bounded_step(problem, unknowns, information, gradient, damping)
     curvature = float((change @ information @ change).clamp(min=0))
-    squared_length = curvature
+    length = step_length(problem, change, information, statistics.inflation)
+    return _Step(change, float(2 * gradient @ change), curvature, length)
+
+
+def step_length(problem: Problem, change: Tensor, information: Tensor, inflation: float) -> float:
+    """The length of a change of u [P] in standard errors, jointly; beside errors of the calibration that of the others.
+
+    Args:
+        problem: names the unknowns.
+        change: of u [P].
+        information: JᵀWJ [P, P].
+        inflation: how many times as large as the noise variance squared residuals are.
+    """
     if problem.nuisances:
-        squared_length = _squared_length(change, information, problem.where[problem.nuisances[0].name].start)
-    return _Step(change, float(2 * gradient @ change), curvature, math.sqrt(squared_length / statistics.inflation))
-
-
-def _squared_length(change: Tensor, information: Tensor, count: int) -> float:
-    """The squared length of the change of the first `count` unknowns, whatever the others are."""
-    cross = information[:count, count:]
-    marginal = information[:count, :count] - cross @ torch.linalg.solve(information[count:, count:], cross.T)
-    return float((change[:count] @ marginal @ change[:count]).clamp(min=0))
+        count = problem.where[problem.nuisances[0].name].start
+        cross = information[:count, count:]
+        information = information[:count, :count] - cross @ torch.linalg.solve(information[count:, count:], cross.T)
+        change = change[:count]
+    return math.sqrt(max(float(change @ information @ change), 0.0) / inflation)
 
 
 def bounded_step(

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 import torch
 from torch import Tensor
 
-from matest.estimators.levenberg_marquardt import Solution, bounded_step, moved, step_is_visible
+from matest.estimators.levenberg_marquardt import Solution, bounded_step, moved, step_is_visible, step_length
 from matest.estimators.passes import accumulate, radiance_model
 from matest.estimators.statistics import Statistics
 from matest.estimators.unknowns import Problem
@@ -21,6 +20,8 @@ from matest.workers import single_threaded_torch
 
 # Standard errors. A fit ends where the next step would be shorter: it would change an error bar by less than 0.1 %.
 END_TOLERANCE = 0.03
+# Standard errors. A step that misses by less is corrected by what the pilot's samples say of the miss.
+_CORRECTABLE = 0.5
 # χ² per value up to which one step over all samples is enough: residuals of the model do not bend the cost then.
 _ONE_STEP_CHI2 = 1.05
 
@@ -59,7 +60,7 @@ def single_step(start: Solution, statistics: Statistics) -> Solution | None:
     problem, unknowns = start.problem, start.unknowns
     change = bounded_step(problem, unknowns, statistics.information, statistics.gradient)
     end = statistics.moved(change)
-    length = _length(change, statistics, end.inflation)
+    length = step_length(problem, change, statistics.information, end.inflation)
     if end.reduced_chi2 > _ONE_STEP_CHI2 or not step_is_visible(problem, unknowns, change, length):
         return None
     target = moved(problem, unknowns, change)
@@ -76,12 +77,10 @@ def single_step(start: Solution, statistics: Statistics) -> Solution | None:
         # Priors too lead to the step's end, as if they were about it.
         pilot = replace(pilot, prior=replace(pilot.prior, below=change))
     miss = bounded_step(problem, unknowns, pilot.information, pilot.gradient) - change
-    miss_length = _length(miss, statistics, end.inflation)
+    miss_length = step_length(problem, miss, statistics.information, end.inflation)
+    if problem.nuisances and miss_length < _CORRECTABLE:
+        # A pass costs several of those without errors of the calibration: the pilot says how far the step overshoots.
+        return Solution(problem, moved(problem, target, -miss), end, 1, miss_length**2, True)
     if not miss_length < END_TOLERANCE:
         return None
     return Solution(problem, target, end, 1, miss_length, True)
-
-
-def _length(change: Tensor, statistics: Statistics, inflation: float) -> float:
-    """The length of a change of u [P] in standard errors, jointly."""
-    return math.sqrt(max(float(change @ statistics.information @ change), 0.0) / inflation)

@@ -16,6 +16,7 @@ from matest.estimators.levenberg_marquardt import minimise
 from matest.estimators.passes import passes_over, predict_radiance
 from matest.samples import Batch, Tile
 from matest.samples.batch import join
+from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
 from matest.samples.tiles import in_memory
 from tests.simulated import Studio
 
@@ -27,7 +28,9 @@ def parts_of(material: Brdf) -> list[Batch]:
     return [replace(part, groups=torch.full((len(part),), k)) for k, part in enumerate(parts)]
 
 
-def fitted(expression: str, parts: list[Batch], residual_scale: float = 1.0) -> tuple[Problem, Tile, LeftOut]:
+def fitted(
+    expression: str, parts: list[Batch], residual_scale: ResidualScale = NOISE_ALONE
+) -> tuple[Problem, Tile, LeftOut]:
     problem = specify_unknowns(expression, Options(), channels=1, relative=False).problem
     tile = Tile(join(parts), cache={})
     truth = problem.unknowns_at(TRUTH[expression].parameters)
@@ -49,7 +52,7 @@ def test_leaving_out_by_subtraction_is_leaving_out_by_a_fit(expression: str) -> 
         others[rows] = False
         squares = tile.least_squares._replace(weight=tile.least_squares.weight * others[:, None])
         remaining = replace(tile, least_squares=squares, cache=None)
-        evaluate = passes_over(problem, in_memory([remaining]), left_out.unknowns, None, 1.0)
+        evaluate = passes_over(problem, in_memory([remaining]), left_out.unknowns, None, NOISE_ALONE)
         unknowns = minimise(problem, left_out.unknowns, evaluate, passes=30, tolerance=1e-3).unknowns
         residual = tile.least_squares.response[rows] - predict_radiance(problem, unknowns, part)
         expected = float((tile.least_squares.weight[rows] * residual.square()).sum())
@@ -78,7 +81,7 @@ def test_the_relative_error_is_that_of_each_part_without_it() -> None:
 def test_without_refinement_the_fit_stays_at_its_start() -> None:
     parts = parts_of(TRUTH["oren-nayar"])
     problem, tile, left_out = fitted("oren-nayar", parts)
-    rough = leave_out(problem, tile, 1.05 * left_out.unknowns, 1.0, len(parts), refine=False)
+    rough = leave_out(problem, tile, 1.05 * left_out.unknowns, NOISE_ALONE, len(parts), refine=False)
     torch.testing.assert_close(rough.unknowns, 1.05 * left_out.unknowns)
     assert rough.cost > left_out.cost
 
@@ -87,8 +90,8 @@ def test_a_fit_that_misses_by_far_ends_within_a_tenth_of_a_per_cent_of_its_least
     parts = parts_of(TRUTH["cook-torrance"])
     # Twice the light that is stated, in one image.
     parts[0] = replace(parts[0], radiance=2 * parts[0].radiance)
-    problem, tile, left_out = fitted("cook-torrance", parts, residual_scale=100.0)
-    evaluate = passes_over(problem, in_memory([tile]), left_out.unknowns, None, 100.0)
+    problem, tile, left_out = fitted("cook-torrance", parts, residual_scale=ResidualScale.uniform(100.0))
+    evaluate = passes_over(problem, in_memory([tile]), left_out.unknowns, None, ResidualScale.uniform(100.0))
     least = minimise(problem, left_out.unknowns, evaluate, passes=60, tolerance=1e-3).statistics.cost
     assert left_out.reduced_chi2 > 10
     assert least <= left_out.cost < 1.001 * least
@@ -97,6 +100,6 @@ def test_a_fit_that_misses_by_far_ends_within_a_tenth_of_a_per_cent_of_its_least
 def test_a_fit_that_holds_ends_closer_to_its_least_cost_than_noise_shows() -> None:
     parts = parts_of(TRUTH["cook-torrance"])
     problem, tile, left_out = fitted("cook-torrance", parts)
-    evaluate = passes_over(problem, in_memory([tile]), left_out.unknowns, None, 1.0)
+    evaluate = passes_over(problem, in_memory([tile]), left_out.unknowns, None, NOISE_ALONE)
     least = minimise(problem, left_out.unknowns, evaluate, passes=60, tolerance=1e-4).statistics.cost
     assert left_out.cost < least + 0.05
