@@ -11,12 +11,12 @@ from torch import Tensor
 from matest.estimators import Problem, Solution, accumulate
 from matest.estimators.calibrated import CalibratedModel
 from matest.estimators.covariance import fisher
-from matest.samples import Tile
+from matest.samples import Batch, Groups, Tile
 from matest.samples.account import CalibratedSamples
 from matest.samples.tiles import in_memory
 
 # Samples that are enough to say to some per cent how far an estimate moves.
-_SAMPLES = 60_000
+_SAMPLES = 30_000
 # Pixels, with the samples of all images at each, that say the same of errors of single pixels.
 _PIXELS = 4_000
 
@@ -55,7 +55,7 @@ def budget(
     """
     size = solution.problem.size
     unknowns = torch.cat([solution.unknowns, problem.anywhere[size:]])
-    batch = next(iter(samples.batches(_SAMPLES, shuffle=True, seed=seed)))
+    batch = _by_image(next(iter(samples.batches(_SAMPLES, shuffle=True, seed=seed))), samples.groups)
     factor = len(samples) / len(batch)
     statistics = accumulate(problem, unknowns, in_memory([batch]), unknowns, solution.residual_scale)
     sums = factor * replace(statistics, prior=None).information
@@ -69,6 +69,14 @@ def budget(
             scatters[name] = cross @ cross.T
     prior = solution.problem.prior_terms(solution.unknowns)
     return Budget(sums[:size, :size] + (0.0 if prior is None else prior.precision), scatters)
+
+
+def _by_image(batch: Batch, groups: Groups) -> Batch:
+    """The samples with one group an image: only sums over all of them are wanted, and pixels at random mix blocks."""
+    first = torch.full((groups.images,), len(groups.image)).scatter_reduce(
+        0, groups.image, torch.arange(len(groups.image)), "amin"
+    )
+    return replace(batch, groups=first[groups.image_of(batch)])
 
 
 def _scatter_by_pixel(
