@@ -18,7 +18,7 @@ from matest.samples import Samples
 from matest.workers import single_threaded_torch
 
 # Samples of the pilot: its own error is then small enough for one Gauss-Newton step to reach the optimum of all.
-PILOT_SAMPLES = 24_000
+_PILOT_SAMPLES = 24_000
 # Samples of the first subsample where a precision is asked for: few, since many captures need no more.
 _FIRST_SUBSAMPLE = 6_000
 # The next subsample has this many times the samples that the error bars ask for, lest they just miss the precision.
@@ -62,14 +62,14 @@ def fit(
     if problem.channels != samples.channels:
         raise ValueError(f"the problem has {problem.channels} channels, the samples have {samples.channels}.")
     progress("searching")
-    count = _FIRST_SUBSAMPLE if precision > 0 else PILOT_SAMPLES
+    count = _FIRST_SUBSAMPLE if precision > 0 else _PILOT_SAMPLES
     solution = fit_batches(problem, samples.pilot(count, seed), start)
     if precision > 0:
         solution, count = _grow_subsample(solution, count, samples, seed, precision)
     if precision <= 0 or not _is_described(solution) or _largest_relative_std(solution) > precision:
-        if count < PILOT_SAMPLES:
+        if count < _PILOT_SAMPLES:
             # Where the model does not hold, outliers depend on the pilot: take the one that is used without precision.
-            solution = fit_batches(problem, samples.pilot(PILOT_SAMPLES, seed), start)
+            solution = fit_batches(problem, samples.pilot(_PILOT_SAMPLES, seed), start)
         progress("refining over all samples")
         solution = refine(solution, samples)
     return replace(solution, unknowns=solution.problem.wrapped(solution.unknowns))
