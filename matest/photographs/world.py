@@ -17,8 +17,8 @@ from matest.samples.batch import Batch
 from matest.scene import Points, Scene, Surface
 from matest.scene.visibility import unoccluded_fraction
 
-# Degree of the polynomials that smooth fields over the object are made of: features down to a fifth of it.
-_DEGREE = 5
+# Degree of the polynomials that smooth fields over the object are made of: features down to a sixth of it.
+_DEGREE = 6
 # Number of polynomials of two coordinates up to that degree.
 TERMS = (_DEGREE + 1) * (_DEGREE + 2) // 2
 # Pixels that the mean of a polynomial over the object is taken of.

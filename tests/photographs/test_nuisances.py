@@ -18,6 +18,7 @@ from matest.estimators import Problem
 from matest.estimators.calibrated import CalibratedModel
 from matest.photographs.nuisances import NUISANCES
 from matest.photographs.samples import PhotographSamples
+from matest.photographs.world import TERMS
 from matest.samples import Batch
 from matest.samples.batch import join
 from matest.scene import DirectionalLight, Scene
@@ -193,7 +194,7 @@ def test_blur_is_that_of_a_gaussian() -> None:
 def test_an_albedo_that_varies_keeps_its_mean() -> None:
     samples = samples_of()
     batch, chosen = everything(samples), calibrated(samples, "albedo_field")
-    model = CalibratedModel(chosen, unknowns_with(chosen, albedo_field=[0.1, *[0.0] * 19])).radiance(batch)
+    model = CalibratedModel(chosen, unknowns_with(chosen, albedo_field=[0.1, *[0.0] * (TERMS - 2)])).radiance(batch)
     ratio = (model / rendered(samples.photographs.scene, samples, batch)).log()[inside(samples, batch)]
     assert 0.05 < float(ratio.std()) < 0.2
     assert abs(float(ratio.mean())) < 0.05
