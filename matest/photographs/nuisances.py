@@ -230,9 +230,8 @@ class AlbedoField:
         doc = "coefficients of a smooth logarithm of the albedo over the object"
         return Family("albedo_field", "1", doc, count, _common(groups, count), spread=count**-0.5)
 
-    def act(self, world: World, values: Tensor, worlds: Worlds) -> None:
-        basis = world.places.polynomials - worlds.grid.mean_polynomials.to(values)
-        world.body = (values * basis[:, 1:]).sum(1, keepdim=True).exp()
+    def act(self, world: World, values: Tensor, worlds: Worlds) -> None:  # noqa: ARG002
+        world.body = (values * world.places.polynomials[:, 1:]).sum(1, keepdim=True).exp()
 
 
 class Blur:

@@ -21,8 +21,10 @@ from matest.scene.visibility import unoccluded_fraction
 _DEGREE = 6
 # Number of polynomials of two coordinates up to that degree.
 TERMS = (_DEGREE + 1) * (_DEGREE + 2) // 2
-# Pixels that the mean of a polynomial over the object is taken of.
-_MEAN_PIXELS = 4_000
+# Pixels that the mean of products of polynomials over the object is taken of.
+_SPREAD_PIXELS = 4_000
+# Mean square of a combination of polynomials that few or thin pixels cannot tell from nothing.
+_INDISTINCT = 1e-6
 
 
 class Places:
@@ -204,10 +206,24 @@ class Grid:
         return torch.tensor([[columns.min(), rows.min()], [columns.max() + 1, rows.max() + 1]], dtype=torch.float64)
 
     def polynomials(self, pixels: Tensor) -> Tensor:
-        """Products of Legendre polynomials of x and y, of mean square 1 over the object's box [n, TERMS].
+        """Polynomials of x and y, of mean square 1 over the object and uncorrelated there [n, TERMS].
 
-        The first is 1.
+        The first is 1, the others are 0 on average. The sum of the squares of a field's coefficients is thus its mean
+        square over the object.
         """
+        return self._products(pixels) @ self._orthonormal
+
+    @cached_property
+    def _orthonormal(self) -> Tensor:
+        """The polynomials in products of Legendre polynomials [TERMS, TERMS], triangular."""
+        count = len(self._surface)
+        products = self._products(torch.linspace(0, count - 1, min(count, _SPREAD_PIXELS)).long())
+        gram = products.T @ products / len(products)
+        lower = torch.linalg.cholesky(gram + _INDISTINCT * torch.eye(TERMS, dtype=torch.float64))
+        return torch.linalg.inv(lower).T
+
+    def _products(self, pixels: Tensor) -> Tensor:
+        """Products of Legendre polynomials of x and y over the object's box, the first of them 1 [n, TERMS]."""
         low, high = self.box
         across = 2 * (self.coordinates(pixels) - low) / (high - low) - 1
         powers = [torch.ones_like(across), across]
@@ -216,13 +232,6 @@ class Grid:
         scaled = [math.sqrt(2 * degree + 1) * power for degree, power in enumerate(powers)]
         products = [scaled[i][:, 0] * scaled[j][:, 1] for i in range(_DEGREE + 1) for j in range(_DEGREE + 1 - i)]
         return torch.stack(products, dim=1)
-
-    @cached_property
-    def mean_polynomials(self) -> Tensor:
-        """The mean of each polynomial over the object [TERMS]."""
-        count = len(self._surface)
-        some = torch.linspace(0, count - 1, min(count, _MEAN_PIXELS)).long()
-        return self.polynomials(some).mean(0)
 
     def around(self, pixels: Tensor, stride: int = 1) -> tuple[Tensor, Tensor]:
         """The pixels of a square around each of some pixels, row by row, its middle left out.

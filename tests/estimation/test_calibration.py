@@ -5,10 +5,13 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
+import torch
 
 import matest
 from matest import InputError
+from matest.benchmark.instruments import miscalibration as off
 from matest.brdf import CookTorrance, Lambert, OrenNayar
 from matest.report.calibration import error_rows
 from tests.miscalibrated import STUDIO, brighter, normal_deviates, photographed, under_sky
@@ -42,6 +45,18 @@ def test_all_stands_for_what_has_an_effect_and_is_no_special_case() -> None:
     refined = {*matest.estimate(capture, "oren-nayar", refine="all").nuisance}
     assert {"direction", "intensity", "ambient", "black", "albedo_field", "normals", "blur"} < refined
     assert not refined & {"tilt", "rotation", "scale", "exposure", "normal_noise"}
+
+
+@pytest.mark.parametrize(
+    ("family", "error", "size"),
+    [("albedo_field", off.smooth_albedo(0.1), 0.1), ("normals", off.smooth_normals(0.02), 0.02)],
+)
+def test_the_size_of_a_smooth_field_is_its_rms_over_the_object(family: str, error: off.Error, size: float) -> None:
+    generator = np.random.default_rng(5)
+    stated = off.Setting(off.ball(), torch.stack([light.direction for (light,) in STUDIO.lights]).numpy(), np.ones(8))
+    capture = off.photograph(stated, error(stated, generator), MATERIAL, "albedo", generator)
+    estimate = matest.estimate(capture, "oren-nayar", refine=family.removesuffix("_field"))
+    assert estimate.nuisance[family].size == pytest.approx(size, rel=0.1)
 
 
 def test_errors_that_cannot_be_refined_are_refused_with_the_reason() -> None:

@@ -18,7 +18,7 @@ from matest.estimators import Problem
 from matest.estimators.calibrated import CalibratedModel
 from matest.photographs.nuisances import NUISANCES
 from matest.photographs.samples import PhotographSamples
-from matest.photographs.world import TERMS
+from matest.photographs.world import TERMS, Grid
 from matest.samples import Batch
 from matest.samples.batch import join
 from matest.scene import DirectionalLight, Scene
@@ -189,6 +189,13 @@ def test_blur_is_that_of_a_gaussian() -> None:
     change, expected = (model - sharp)[safe], (blurred[image, flat] - sharp)[safe]
     # Of a Gaussian the Laplacian is the first order; the next one is some per cent of it here.
     assert float((change - expected).square().mean().sqrt()) < 0.1 * float(expected.square().mean().sqrt())
+
+
+def test_polynomials_are_uncorrelated_over_the_object() -> None:
+    surface = samples_of().photographs.scene.surface
+    values = Grid(surface).polynomials(torch.arange(len(surface)))
+    assert float((values[:, 0] - 1).abs().max()) < 1e-5
+    assert float((values.T @ values / len(values) - torch.eye(TERMS)).abs().max()) < 0.01
 
 
 def test_an_albedo_that_varies_keeps_its_mean() -> None:
