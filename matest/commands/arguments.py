@@ -32,8 +32,8 @@ UncertaintyOf = Annotated[
         "--uncertainty",
         metavar="NAME=VALUE",
         help="One standard deviation of what the calibration states, overrides the capture's: direction, rotation, "
-        "normals, normal_noise (rad); intensity, exposure, scale, ambient, vignetting, transfer, albedo (relative); "
-        "black (of full scale); radius, blur (pixels); pose=PIXELS,RAD.",
+        "normals, normal_noise (rad); intensity, exposure, scale, ambient, vignetting, transfer, albedo, albedo_noise "
+        "(relative); black (of full scale); radius, blur (pixels); pose=PIXELS,RAD.",
         show_default=False,
     ),
 ]

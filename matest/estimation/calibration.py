@@ -20,25 +20,6 @@ from matest.samples.uncertainty import Uncertainty
 
 # Families of unknowns that a name of the user's stands for, where it is not that of the one family.
 _FAMILIES = {"pose": ("shift", "tilt"), "albedo": ("albedo_field",)}
-# What one standard deviation of the errors of a family is taken for where nobody states it, in their own units. The
-# samples correct that of a family of many unknowns; for the others it only has to be wide.
-_ASSUMED = {
-    "direction": 0.01,  # rad
-    "rotation": 0.02,  # rad
-    "intensity": 0.03,
-    "exposure": 0.03,
-    "scale": 0.1,
-    "ambient": 0.05,
-    "black": 0.02,
-    "vignetting": 0.2,
-    "transfer": 0.1,
-    "shift": 2.0,  # px
-    "tilt": 0.02,  # rad
-    "radius": 2.0,  # px
-    "normals": 0.02,  # rad
-    "albedo_field": 0.1,
-    "blur": 1.0,  # px²
-}
 # Share of the variance of an estimate above which it is mostly due to one family.
 MOSTLY = 0.5
 # Families that "all" stands for; what the others do, these can do too.
@@ -111,17 +92,17 @@ class Calibration:
         Raises:
             InputError: errors to refine that have none.
         """
-        possible = [name for name in samples.calibration_names if _has_effect(name, problem)]
+        possible = families_of(samples, problem)
         given = _spreads(capture.merged(options.uncertainty))
         stated = {name: spread for name, spread in given.items() if name in possible}
-        refinable = [name for name in possible if name in _ASSUMED]
+        refinable = [name for name, family in possible.items() if not family.of_pixels]
         if options.refines_all:
             names = [name for name in refinable if name in _TOGETHER or name in stated]
         else:
             names = [name for word in options.refine for name in _FAMILIES.get(word, (word,)) if name in refinable]
             if missing := [word for word in options.refine if not {*_FAMILIES.get(word, (word,))} & {*names}]:
                 raise InputError(f"--refine {missing[0]}: {_REASONS.get(missing[0], _NO_EFFECT)}")
-        return cls(stated, {name: stated.get(name, _ASSUMED[name]) for name in names})
+        return cls(stated, {name: stated.get(name, possible[name].assumed) for name in names})
 
     def refine(self, solution: Solution, samples: CalibratedSamples, seed: int, progress: Progress) -> Solution:
         """The solution with the errors of the families to refine among the unknowns."""
@@ -197,6 +178,7 @@ _REASONS = {
     "normal_noise": "errors of the normals of single pixels are no unknowns; --refine normals has those of a smooth "
     "field.",
     "albedo": "the model has no diffuse body whose albedo could vary; leave it out.",
+    "albedo_noise": "the albedo of single pixels is no unknown; --refine albedo has that of a smooth field.",
 }
 
 
@@ -216,8 +198,14 @@ def _centred(samples: CalibratedSamples) -> tuple[str, ...]:
     return ("intensity", "exposure") if samples.relative else ()
 
 
+def families_of(samples: CalibratedSamples, problem: Problem) -> dict[str, Family]:
+    """The families of errors that have an effect on samples of a problem, by name."""
+    names = [name for name in samples.calibration_names if _has_effect(name, problem)]
+    return {family.name: family for family in samples.calibration(names).families}
+
+
 def _has_effect(name: str, problem: Problem) -> bool:
     """Whether errors of a family change what a model predicts, and can be computed."""
-    if name == "albedo_field":
+    if name in ("albedo_field", "albedo_noise"):
         return bool(body_albedos(problem.brdf))
     return name != "ambient" or not problem.brdf.structure.anisotropic

@@ -41,7 +41,12 @@ class Direction:
         lights = _light_numbers(worlds)[groups.image]
         places = torch.stack([2 * lights, 2 * lights + 1], dim=-1).flatten(1)
         return Family(
-            "direction", "rad", "tilt of the direction of each light, about two axes", int(places.max()) + 1, places
+            "direction",
+            "rad",
+            "tilt of the direction of each light, about two axes",
+            int(places.max()) + 1,
+            places,
+            assumed=0.01,
         )
 
     def act(self, world: World, values: Tensor, worlds: Worlds) -> None:
@@ -54,7 +59,7 @@ class Rotation:
     """All lights together, about the world's three axes."""
 
     def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
-        return Family("rotation", "rad", "rotation of all lights about x, y and z", 3, _common(groups, 3))
+        return Family("rotation", "rad", "rotation of all lights about x, y and z", 3, _common(groups, 3), assumed=0.02)
 
     def act(self, world: World, values: Tensor, worlds: Worlds) -> None:  # noqa: ARG002
         world.toward = world.toward + torch.linalg.cross(values[:, None].expand_as(world.toward), world.toward)
@@ -66,7 +71,12 @@ class Intensity:
     def family(self, worlds: Worlds, groups: Groups) -> Family:
         places = _light_numbers(worlds)[groups.image]
         return Family(
-            "intensity", "1", "power of each light, relative to what is stated", int(places.max()) + 1, places
+            "intensity",
+            "1",
+            "power of each light, relative to what is stated",
+            int(places.max()) + 1,
+            places,
+            assumed=0.03,
         )
 
     def act(self, world: World, values: Tensor, worlds: Worlds) -> None:  # noqa: ARG002
@@ -78,7 +88,14 @@ class Exposure:
 
     def family(self, worlds: Worlds, groups: Groups) -> Family:
         places = groups.image[:, None]
-        return Family("exposure", "1", "exposure of each image, relative to what is stated", len(worlds.images), places)
+        return Family(
+            "exposure",
+            "1",
+            "exposure of each image, relative to what is stated",
+            len(worlds.images),
+            places,
+            assumed=0.03,
+        )
 
     def act(self, world: World, values: Tensor, worlds: Worlds) -> None:  # noqa: ARG002
         world.scale_light(1 + values)
@@ -88,7 +105,9 @@ class Scale:
     """The strength of all lights together."""
 
     def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
-        return Family("scale", "1", "strength of all lights, relative to what is stated", 1, _common(groups, 1))
+        return Family(
+            "scale", "1", "strength of all lights, relative to what is stated", 1, _common(groups, 1), assumed=0.1
+        )
 
     def act(self, world: World, values: Tensor, worlds: Worlds) -> None:  # noqa: ARG002
         world.scale_light(1 + values)
@@ -99,7 +118,7 @@ class Ambient:
 
     def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
         doc = "irradiance of an even sky beyond what is stated, relative to that of the key light"
-        return Family("ambient", "1", doc, 1, _common(groups, 1))
+        return Family("ambient", "1", doc, 1, _common(groups, 1), assumed=0.05)
 
     def act(self, world: World, values: Tensor, worlds: Worlds) -> None:
         sky = values * (key_light(worlds) / math.pi).to(values)
@@ -115,7 +134,7 @@ class Black:
     def family(self, worlds: Worlds, groups: Groups) -> Family:
         channels = worlds.photographs.channels
         doc = "black level of each channel beyond what is stated, as a fraction of full scale"
-        return Family("black", "1", doc, channels, _common(groups, channels))
+        return Family("black", "1", doc, channels, _common(groups, channels), assumed=0.02)
 
     def act(self, world: World, values: Tensor, worlds: Worlds) -> None:  # noqa: ARG002
         world.offset = values * world.places.white
@@ -125,7 +144,14 @@ class Vignetting:
     """Loss of light toward the image's corners, with the square of the distance from its middle."""
 
     def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
-        return Family("vignetting", "1", "share of the light that is lost at the image's corner", 1, _common(groups, 1))
+        return Family(
+            "vignetting",
+            "1",
+            "share of the light that is lost at the image's corner",
+            1,
+            _common(groups, 1),
+            assumed=0.2,
+        )
 
     def act(self, world: World, values: Tensor, worlds: Worlds) -> None:
         middle = torch.tensor([worlds.grid.width, worlds.grid.height], dtype=torch.float64) / 2
@@ -137,7 +163,9 @@ class Transfer:
     """The exponent from stored to linear values."""
 
     def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
-        return Family("transfer", "1", "exponent of the transfer, relative to what is stated", 1, _common(groups, 1))
+        return Family(
+            "transfer", "1", "exponent of the transfer, relative to what is stated", 1, _common(groups, 1), assumed=0.1
+        )
 
     def act(self, world: World, values: Tensor, worlds: Worlds) -> None:  # noqa: ARG002
         # Decoded by an exponent too large by (1 + t), radiance is the true one to that power.
@@ -148,7 +176,9 @@ class Shift:
     """The object's place in the image."""
 
     def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
-        return Family("shift", "px", "shift of the object in the images, right and down", 2, _common(groups, 2))
+        return Family(
+            "shift", "px", "shift of the object in the images, right and down", 2, _common(groups, 2), assumed=2.0
+        )
 
     def act(self, world: World, values: Tensor, worlds: Worlds) -> None:
         if worlds.sphere_radius is not None:
@@ -162,7 +192,9 @@ class Radius:
     """The size of the object's outline."""
 
     def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
-        return Family("radius", "px", "radius of the object's outline beyond what is stated", 1, _common(groups, 1))
+        return Family(
+            "radius", "px", "radius of the object's outline beyond what is stated", 1, _common(groups, 1), assumed=2.0
+        )
 
     def act(self, world: World, values: Tensor, worlds: Worlds) -> None:
         if worlds.sphere_radius is not None:
@@ -179,7 +211,7 @@ class Tilt:
     """The object's turn about the world's three axes, through the middle of what is seen."""
 
     def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
-        return Family("tilt", "rad", "turn of the object about x, y and z", 3, _common(groups, 3))
+        return Family("tilt", "rad", "turn of the object about x, y and z", 3, _common(groups, 3), assumed=0.02)
 
     def act(self, world: World, values: Tensor, worlds: Worlds) -> None:
         surface, grid = worlds.scene.surface, worlds.grid
@@ -201,7 +233,7 @@ class Normals:
     def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
         count = 2 * TERMS
         doc = "coefficients of smooth errors of the normals, along two directions across them"
-        return Family("normals", "rad", doc, count, _common(groups, count), spread=TERMS**-0.5)
+        return Family("normals", "rad", doc, count, _common(groups, count), assumed=0.02, spread=TERMS**-0.5)
 
     def act(self, world: World, values: Tensor, worlds: Worlds) -> None:  # noqa: ARG002
         basis = world.places.polynomials
@@ -215,11 +247,22 @@ class NormalNoise:
 
     def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
         doc = "errors of the normal of each pixel, along two directions across it"
-        return Family("normal_noise", "rad", doc, 2, _common(groups, 2), of_pixels=True)
+        return Family("normal_noise", "rad", doc, 2, _common(groups, 2), assumed=0.02, of_pixels=True)
 
     def act(self, world: World, values: Tensor, worlds: Worlds) -> None:  # noqa: ARG002
         first, second = _across(world.normals)
         world.normals = world.normals + values[:, :1] * first + values[:, 1:] * second
+
+
+class AlbedoNoise:
+    """The albedo of each pixel's body by itself: the logarithm of a factor."""
+
+    def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
+        doc = "logarithm of the albedo of each pixel"
+        return Family("albedo_noise", "1", doc, 1, _common(groups, 1), assumed=0.1, of_pixels=True)
+
+    def act(self, world: World, values: Tensor, worlds: Worlds) -> None:  # noqa: ARG002
+        world.scale_body(values.exp())
 
 
 class AlbedoField:
@@ -228,17 +271,17 @@ class AlbedoField:
     def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
         count = TERMS - 1
         doc = "coefficients of a smooth logarithm of the albedo over the object"
-        return Family("albedo_field", "1", doc, count, _common(groups, count), spread=count**-0.5)
+        return Family("albedo_field", "1", doc, count, _common(groups, count), assumed=0.1, spread=count**-0.5)
 
     def act(self, world: World, values: Tensor, worlds: Worlds) -> None:  # noqa: ARG002
-        world.body = (values * world.places.polynomials[:, 1:]).sum(1, keepdim=True).exp()
+        world.scale_body((values * world.places.polynomials[:, 1:]).sum(1, keepdim=True).exp())
 
 
 class Blur:
     """The blur of the images by a Gaussian; its unknown is the variance."""
 
     def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
-        return Family("blur", "px²", "variance of the images' blur", 1, _common(groups, 1))
+        return Family("blur", "px²", "variance of the images' blur", 1, _common(groups, 1), assumed=1.0)
 
     def act(self, world: World, values: Tensor, worlds: Worlds) -> None:
         """It acts on sums over pixels, not on their world."""
@@ -252,6 +295,7 @@ NUISANCES: dict[str, Nuisance] = {
     "normals": Normals(),
     "normal_noise": NormalNoise(),
     "albedo_field": AlbedoField(),
+    "albedo_noise": AlbedoNoise(),
     "direction": Direction(),
     "rotation": Rotation(),
     "intensity": Intensity(),

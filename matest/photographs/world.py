@@ -103,6 +103,10 @@ class World:
         if self.ambient is not None:
             self.ambient = self.ambient * factor
 
+    def scale_body(self, factor: Tensor) -> None:
+        """Multiply the albedo of the body by a factor [n, 1]."""
+        self.body = factor if self.body is None else self.body * factor
+
 
 class Worlds:
     """Makes the world of batches.

@@ -26,6 +26,8 @@ class Family:
         doc: what they are.
         count: number of unknowns.
         places: of the q unknowns that samples of each group depend on, int64 [G, q].
+        assumed: standard deviation of the error as a whole where nobody states it, in its unit. The samples correct
+            that of a family of many unknowns; for the others it only has to be wide.
         spread: what their standard deviation has to be for the error as a whole to have one of 1.
         of_pixels: whether every pixel of an object has errors of its own; the unknowns are then those of one pixel.
     """
@@ -35,6 +37,7 @@ class Family:
     doc: str
     count: int
     places: Tensor
+    assumed: float
     spread: float = 1.0
     of_pixels: bool = False
 

@@ -61,6 +61,7 @@ NAMES: dict[str, Family] = {
     "normal_noise": Family("rad", "each tangential angle of the normals, of each pixel by itself", (_ANGLE,)),
     "blur": Family("pixels", "the width of a Gaussian that the images are convolved with", (_LENGTH,)),
     "albedo": Family("relative", "the albedo, smooth over the object", (_RELATIVE,)),
+    "albedo_noise": Family("relative", "the albedo of each pixel by itself", (_RELATIVE,)),
 }
 
 
@@ -70,7 +71,7 @@ class Uncertainty:
 
     Attributes:
         direction, rotation, intensity, exposure, scale, ambient, black, vignetting, transfer, radius, normals,
-            normal_noise, blur, albedo: in the units and of the quantities of `NAMES`.
+            normal_noise, blur, albedo, albedo_noise: in the units and of the quantities of `NAMES`.
         pose: in pixels, and rad. Of a sphere only the pixels matter.
 
     Raises:
@@ -92,6 +93,7 @@ class Uncertainty:
     normal_noise: float | None = None
     blur: float | None = None
     albedo: float | None = None
+    albedo_noise: float | None = None
 
     def __post_init__(self) -> None:
         for name, value in self.stated.items():
