@@ -140,7 +140,10 @@ def _explain(message: str, kind: type) -> str:
         words = [str(value) for value in choices if isinstance(value, str) or type(value) is int]
         words += ["a number"] if {int, float} & {*choices} else []
         return f"{where}: unknown value '{choice.group(1)}'; expected {' or '.join(words)}."
-    expected = text.replace("Expected", "expected").replace("`", "").replace("array", "a list")
+    if re.match(r"Expected `object.*`, got `array`", text) and "[" not in where:
+        return f"{where}: expected one table; write [{where}] with single brackets, once."
+    expected = text.replace("Expected", "expected").replace("`", "")
+    expected = expected.replace("array", "a list").replace("object", "a table")
     return f"{where or 'the file'}: {expected}; correct the value."
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
 from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
@@ -16,6 +18,9 @@ if TYPE_CHECKING:
     from matest.samples.uncertainty import Uncertainty
 
 Choice = TypeVar("Choice", bound=Enum)
+Value = TypeVar("Value")
+# The comma between two assignments, as in a=1,b=2: those between numbers have no name after them.
+_BETWEEN_ASSIGNMENTS = re.compile(r"\s*,\s*(?=[a-z][\w.-]*\s*=)")
 # Options that several commands take.
 Json = Annotated[bool, typer.Option("--json", help="Print machine-readable JSON on standard output.")]
 Transfer = Annotated[
@@ -33,14 +38,17 @@ UncertaintyOf = Annotated[
         metavar="NAME=VALUE",
         help="One standard deviation of what the calibration states, overrides the capture's: direction, rotation, "
         "normals, normal_noise (rad); intensity, exposure, scale, ambient, vignetting, transfer, albedo, albedo_noise "
-        "(relative); black (of full scale); radius, blur (pixels); pose=PIXELS,RAD.",
+        "(relative); black (of full scale); radius, blur (pixels); pose=PIXELS,RAD. 1deg and 3% are "
+        "understood.",
         show_default=False,
     ),
 ]
 Refine = Annotated[
-    str,
+    str | None,
     typer.Option(
-        metavar="NAME,...|all", help="Errors of the calibration to estimate with the material: names of --uncertainty."
+        metavar="NAME,...|all",
+        help="Errors of the calibration to estimate with the material: names of --uncertainty, or of the result.",
+        show_default=False,
     ),
 ]
 Pictures = Annotated[
@@ -63,9 +71,9 @@ def options(
 
     return Options(
         model=model,
-        fix=dict(map(assignment, fix or [])),
+        fix=once(map(assignment, fix or []), "--fix"),
         free=tuple(free or ()),
-        tie=dict(map(pair, tie or [])),
+        tie=once((pair(text, "--tie") for text in tie or []), "--tie"),
         transfer=encoding(transfer),
         **others,
     )
@@ -76,30 +84,43 @@ def assignment(text: str, option: str = "--fix") -> tuple[str, float | list[floa
     # Imported here: the catalogue of models needs torch, and --help must not.
     from matest.brdf.expression import number
 
-    name, value = pair(text)
+    name, value = pair(text, option)
     numbers = [number(part, f"{option} {name}") for part in value.split(",")]
     return name, numbers[0] if len(numbers) == 1 else numbers
 
 
-def pair(text: str) -> tuple[str, str]:
+def pair(text: str, option: str) -> tuple[str, str]:
+    """Name and value of a text `NAME=VALUE` that an option was given."""
     name, equals, value = (part.strip() for part in text.partition("="))
     if not (name and equals and value):
-        raise InputError(f"'{text}' must read NAME=VALUE.")
+        raise InputError(f"{option}: '{text}' must read NAME=VALUE.")
+    several = _BETWEEN_ASSIGNMENTS.split(text)
+    if len(several) > 1:
+        raise InputError(f"{option} takes one NAME=VALUE; repeat it: {' '.join(f'{option} {one}' for one in several)}.")
     return name, value
 
 
+def once(pairs: Iterable[tuple[str, Value]], option: str) -> dict[str, Value]:
+    """Values by name.
+
+    Raises:
+        InputError: a name with two values.
+    """
+    values: dict[str, Value] = {}
+    for name, value in pairs:
+        if name in values:
+            raise InputError(f"{option} {name} is given twice; keep one.")
+        values[name] = value
+    return values
+
+
 def uncertainty(texts: list[str] | None) -> Uncertainty:
-    """Standard deviations of a calibration of texts such as `direction=0.01` or `pose=0.5,0.01`."""
-    from matest.samples.uncertainty import Uncertainty
+    """Standard deviations of a calibration of texts such as `direction=0.01`, `direction=1deg` or `pose=0.5,0.01`."""
+    from matest.samples.uncertainty import Uncertainty, read
 
-    values = dict(assignment(text, "--uncertainty") for text in texts or [])
+    stated = once((pair(text, "--uncertainty") for text in texts or []), "--uncertainty")
     with errors_of("--uncertainty"):
-        return Uncertainty.of(values)
-
-
-def names(text: str) -> tuple[str, ...]:
-    """Names that commas separate."""
-    return tuple(name.strip() for name in text.split(",") if name.strip())
+        return Uncertainty.of({name: read(name, text) for name, text in stated.items()})
 
 
 def indices(text: str) -> list[int]:

@@ -34,7 +34,7 @@ def estimate(
     ] = None,
     transfer: arguments.Transfer = None,
     uncertainty: arguments.UncertaintyOf = None,
-    refine: arguments.Refine = "",
+    refine: arguments.Refine = None,
     seed: arguments.Seed = 0,
     device: Annotated[str, typer.Option(help="Where to compute: cpu, cuda.")] = "cpu",
     pictures: arguments.Pictures = PictureSize.PREVIEW,
@@ -53,7 +53,7 @@ def estimate(
     options = arguments.options(
         model, fix, free, tie, transfer,
         holdout=arguments.indices(holdout), precision=precision, seed=seed, device=device,
-        uncertainty=arguments.uncertainty(uncertainty), refine=arguments.names(refine),
+        uncertainty=arguments.uncertainty(uncertainty), refine=() if refine is None else refine,
     )  # fmt: skip
     check_options(options)
     jobs = batch.jobs(captures, out, options, " ".join(["matest", *sys.argv[1:]]), pictures)

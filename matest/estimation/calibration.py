@@ -16,10 +16,8 @@ from matest.inference.quantities import Number
 from matest.progress import Progress
 from matest.samples.account import CalibratedSamples
 from matest.samples.calibration import Family
-from matest.samples.uncertainty import Uncertainty
+from matest.samples.uncertainty import PARTS, Uncertainty, whole
 
-# Families of unknowns that a name of the user's stands for, where it is not that of the one family.
-_FAMILIES = {"pose": ("shift", "tilt"), "albedo": ("albedo_field",)}
 # Share of the variance of an estimate above which it is mostly due to one family.
 MOSTLY = 0.5
 # Families that "all" stands for; what the others do, these can do too.
@@ -99,9 +97,9 @@ class Calibration:
         if options.refines_all:
             names = [name for name in refinable if name in _TOGETHER or name in stated]
         else:
-            names = [name for word in options.refine for name in _FAMILIES.get(word, (word,)) if name in refinable]
-            if missing := [word for word in options.refine if not {*_FAMILIES.get(word, (word,))} & {*names}]:
-                raise InputError(f"--refine {missing[0]}: {_REASONS.get(missing[0], _NO_EFFECT)}")
+            names = [name for word in options.refine for name in PARTS.get(word, (word,)) if name in refinable]
+            if missing := [word for word in options.refine if not {*PARTS.get(word, (word,))} & {*names}]:
+                raise InputError(f"--refine {missing[0]}: {_REASONS.get(whole(missing[0]), _NO_EFFECT)}")
         return cls(stated, {name: stated.get(name, possible[name].assumed) for name in names})
 
     def refine(self, solution: Solution, samples: CalibratedSamples, seed: int, progress: Progress) -> Solution:
@@ -187,7 +185,7 @@ def _spreads(uncertainty: Uncertainty) -> dict[str, float]:
     spreads = {}
     for name, value in uncertainty.stated.items():
         numbers = value if isinstance(value, tuple) else (value,)
-        for family, number in zip(_FAMILIES.get(name, (name,)), numbers, strict=True):
+        for family, number in zip(PARTS.get(name, (name,)), numbers, strict=True):
             # The unknown of the blur is a variance.
             spreads[family] = number**2 if family == "blur" else number
     return spreads

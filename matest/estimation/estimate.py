@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from matest.errors import InputError
+from matest.errors import InputError, errors_of
 from matest.estimation.calibration import Calibration
 from matest.estimation.freeing import determined_by_images, widened
 from matest.estimation.options import AUTO, Options, Value
@@ -62,7 +62,8 @@ def estimate(
         device: where tiles are evaluated ("cpu", "cuda").
         uncertainty: one standard deviation of what the calibration states, by family (`matest.samples.uncertainty`),
             such as {"direction": 0.01, "pose": (0.5, 0.01)}; it comes before the capture's own.
-        refine: families of errors of the calibration to estimate with the material; "all": every family.
+        refine: families of errors of the calibration to estimate with the material, as ["direction", "pose"] or
+            "direction,pose"; "all": every family.
         progress: called with a word on what is being done.
 
     Raises:
@@ -76,8 +77,7 @@ def estimate(
         )
     options = Options(
         model=model, fix=fix or {}, free=free, tie=tie or {}, holdout=holdout, precision=precision, seed=seed,
-        device=device, uncertainty=_uncertainty(uncertainty),
-        refine=tuple([refine] if isinstance(refine, str) else refine),
+        device=device, uncertainty=_uncertainty(uncertainty), refine=refine,
     )  # fmt: skip
     return estimate_with(capture, options, progress)
 
@@ -136,7 +136,10 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
 
 def _uncertainty(stated: Uncertainty | Mapping[str, Any] | None) -> Uncertainty:
     """What is stated of the calibration, as one type."""
-    return stated if isinstance(stated, Uncertainty) else Uncertainty.of(stated or {})
+    if isinstance(stated, Uncertainty):
+        return stated
+    with errors_of("--uncertainty"):
+        return Uncertainty.of({} if stated is None else stated)
 
 
 def _samples(capture: Capture, options: Options) -> CalibratedSamples:

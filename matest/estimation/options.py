@@ -35,7 +35,8 @@ class Options:
         device: where tiles are evaluated ("cpu", "cuda").
         transfer: how pixels encode light: "linear", "srgb" or a gamma; None: as the capture says.
         uncertainty: of the calibration; what it states comes before what the capture states.
-        refine: families of errors of the calibration to estimate with the material; "all" becomes every family.
+        refine: families of errors of the calibration to estimate with the material, names or one text that commas
+            separate; becomes a tuple, "all" every family.
 
     Raises:
         InputError: a precision outside 0 to 1, another choice of `auto`, a slip in that name, an unknown family.
@@ -51,7 +52,7 @@ class Options:
     device: str = "cpu"
     transfer: str | float | None = None
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
-    refine: tuple[str, ...] = ()
+    refine: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         with errors_of("--refine"):
@@ -71,7 +72,7 @@ class Options:
     @property
     def refines_all(self) -> bool:
         """Whether every error of the calibration is to be estimated."""
-        return len(self.refine) == len(NAMES)
+        return {*NAMES} <= {*self.refine}
 
     @property
     def automatic(self) -> bool:

@@ -15,6 +15,7 @@ from matest.inference.posterior import Posterior
 from matest.inference.quantities import ParameterEstimate, channel_names
 from matest.parameters import OPTICS, Role
 from matest.samples.account import Account, AccountedSamples
+from matest.samples.uncertainty import labelled
 
 # Share of the mask that the geometry should cover: less of it points to a wrong camera or wrong units of the mesh.
 _MIN_COVERAGE = 0.5
@@ -238,10 +239,10 @@ def _poor_fit(context: Context) -> Iterator[str]:
 
 def _calibration_does_not_explain(context: Context) -> Iterator[str]:
     """Errors of the calibration were refined, and the misfit is not theirs: they bend to explain what they can."""
-    names = [block.name for block in context.solution.problem.nuisances]
+    names = [labelled(block.name) for block in context.solution.problem.nuisances]
     if names and not context.posterior.bars.holds:
         yield (
-            f"The model does not hold with errors of {' and '.join(names)} refined either: what they and the "
+            f"The model does not hold with errors of {_listed(names)} refined either: what they and the "
             "parameters are may be wrong in a way that no error bar shows; look for another cause, or another model."
         )
 
@@ -249,7 +250,7 @@ def _calibration_does_not_explain(context: Context) -> Iterator[str]:
 def _seen_together(context: Context) -> Iterator[str]:
     if names := context.seen_together:
         yield (
-            f"{' and '.join(names)} are not determined: these {context.account.subject} see only a combination of "
+            f"{_listed(names)} are not determined: these {context.account.subject} see only a combination of "
             "them; fix one."
         )
 
@@ -258,12 +259,12 @@ def _not_determined(context: Context) -> Iterator[str]:
     if names := context.not_determined_alone:
         labels = [name + _channels(context.parameters[name], context.channels) for name in names]
         verb = "are" if len(names) > 1 else "is"
-        yield f"{' and '.join(labels)} {verb} not determined by these {context.account.subject}."
+        yield f"{_listed(labels)} {verb} not determined by these {context.account.subject}."
 
 
 def _lobes_not_seen(context: Context) -> Iterator[str]:
     if absent := context.posterior.lobes.amplitudes:
-        yield f"No lobe of {' and '.join(sorted(absent))} is seen: intervals are of one as wide as fits best."
+        yield f"No lobe of {_listed(sorted(absent))} is seen: intervals are of one as wide as fits best."
 
 
 def _too_few_pixels(context: Context) -> Iterator[str]:
@@ -382,3 +383,9 @@ def _channels(parameter: ParameterEstimate, names: Sequence[str]) -> str:
     values = parameter.value if isinstance(parameter.value, list) else []
     channels = [name for name, value in zip(names or channel_names(len(values)), values, strict=False) if value is None]
     return f" of channel {', '.join(channels)}" if 0 < len(channels) < len(values) else ""
+
+
+def _listed(names: Sequence[str]) -> str:
+    """`a`, `a and b`, `a, b and c`."""
+    *first, last = names
+    return f"{', '.join(first)} and {last}" if first else last

@@ -15,6 +15,8 @@ from matest.photographs.world import TERMS, World, Worlds
 from matest.samples.calibration import Family
 from matest.samples.groups import Groups
 
+# In which order lights have their errors.
+_BY_LIGHT = "light by light in the order of the images, one that several share once"
 # Squared cosine from the viewer to a normal on the outline, at least: its derivative stays finite.
 _GRAZING = 1e-4
 
@@ -40,14 +42,11 @@ class Direction:
     def family(self, worlds: Worlds, groups: Groups) -> Family:
         lights = _light_numbers(worlds)[groups.image]
         places = torch.stack([2 * lights, 2 * lights + 1], dim=-1).flatten(1)
-        return Family(
-            "direction",
-            "rad",
-            "tilt of the direction of each light, about two axes",
-            int(places.max()) + 1,
-            places,
-            assumed=0.01,
+        doc = (
+            f"tilt of the direction d to each light, two angles, {_BY_LIGHT}: d moves along a = y × d (z × d where d "
+            "is within 26° of ± y) and along d × a"
         )
+        return Family("direction", "rad", doc, int(places.max()) + 1, places, assumed=0.01)
 
     def act(self, world: World, values: Tensor, worlds: Worlds) -> None:
         first, second = _across(world.toward)
@@ -70,14 +69,8 @@ class Intensity:
 
     def family(self, worlds: Worlds, groups: Groups) -> Family:
         places = _light_numbers(worlds)[groups.image]
-        return Family(
-            "intensity",
-            "1",
-            "power of each light, relative to what is stated",
-            int(places.max()) + 1,
-            places,
-            assumed=0.03,
-        )
+        doc = f"power of each light beyond what is stated, relative to that, {_BY_LIGHT}"
+        return Family("intensity", "1", doc, int(places.max()) + 1, places, assumed=0.03)
 
     def act(self, world: World, values: Tensor, worlds: Worlds) -> None:  # noqa: ARG002
         world.irradiance = world.irradiance * (1 + values)[..., None]
@@ -91,7 +84,7 @@ class Exposure:
         return Family(
             "exposure",
             "1",
-            "exposure of each image, relative to what is stated",
+            "exposure of each image beyond what is stated, relative to that",
             len(worlds.images),
             places,
             assumed=0.03,
@@ -106,7 +99,12 @@ class Scale:
 
     def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
         return Family(
-            "scale", "1", "strength of all lights, relative to what is stated", 1, _common(groups, 1), assumed=0.1
+            "scale",
+            "1",
+            "strength of all lights beyond what is stated, relative to that",
+            1,
+            _common(groups, 1),
+            assumed=0.1,
         )
 
     def act(self, world: World, values: Tensor, worlds: Worlds) -> None:  # noqa: ARG002
@@ -164,7 +162,12 @@ class Transfer:
 
     def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
         return Family(
-            "transfer", "1", "exponent of the transfer, relative to what is stated", 1, _common(groups, 1), assumed=0.1
+            "transfer",
+            "1",
+            "exponent of the transfer beyond what is stated, relative to that",
+            1,
+            _common(groups, 1),
+            assumed=0.1,
         )
 
     def act(self, world: World, values: Tensor, worlds: Worlds) -> None:  # noqa: ARG002
@@ -232,7 +235,9 @@ class Normals:
 
     def family(self, worlds: Worlds, groups: Groups) -> Family:  # noqa: ARG002
         count = 2 * TERMS
-        doc = "coefficients of smooth errors of the normals, along two directions across them"
+        doc = (
+            "coefficients of smooth errors of the normals, all along one direction across them, then all along another"
+        )
         return Family("normals", "rad", doc, count, _common(groups, count), assumed=0.02, spread=TERMS**-0.5)
 
     def act(self, world: World, values: Tensor, worlds: Worlds) -> None:  # noqa: ARG002

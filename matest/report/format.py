@@ -30,7 +30,7 @@ def measured(value: float | None, std: float | None) -> str:
     if std == 0:
         return f"{value:.6g} ± 0"
     digits = _decimals(std)
-    return f"{value:.{digits}f} ± {std:.{digits}f}"
+    return f"{value:z.{digits}f} ± {std:.{digits}f}"
 
 
 def rows(name: str, parameter: ParameterEstimate, channels: tuple[str, ...]) -> list[tuple[str, str, str, str]]:

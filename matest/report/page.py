@@ -91,7 +91,10 @@ def _calibration(estimate: Estimate) -> str:
     """Errors of the calibration; empty where none were refined or allowed for."""
     if not estimate.nuisance:
         return ""
-    body = [(*cells, estimate.nuisance[cells[0]].doc) for cells in calibration.error_rows(estimate)]
+    body = [
+        (*cells, errors.doc)
+        for cells, errors in zip(calibration.error_rows(estimate), estimate.nuisance.values(), strict=True)
+    ]
     table = html_table((*calibration.COLUMNS, "meaning"), body)
     return f"<h2>{calibration.TITLE}</h2>\n<p>{calibration.LEGEND}</p>\n{table}"
 

@@ -81,7 +81,7 @@ def estimate_table(estimate: Estimate) -> Group:
     return Group(
         *(_candidates(estimate) if estimate.candidates else ()),
         table,
-        *([_calibration(estimate)] if estimate.nuisance else []),
+        *(_calibration(estimate) if estimate.nuisance else ()),
         Text(estimate.fit.message),
         Text(_errors(estimate)),
         *(Text(f"Note: {warning}", style="yellow") for warning in estimate.warnings),
@@ -89,12 +89,15 @@ def estimate_table(estimate: Estimate) -> Group:
     )
 
 
-def _calibration(estimate: Estimate) -> Table:
-    """Errors of the calibration, and what they are of the error bars."""
-    table = plain_table(*calibration.COLUMNS, title=calibration.TITLE)
-    for cells in calibration.error_rows(estimate):
-        table.add_row(*cells)
-    return table
+def _calibration(estimate: Estimate) -> tuple[Table, Text, Text]:
+    """Errors of the calibration and what they are of the error bars, what the columns are, and an empty line."""
+    name, number, size, *others = calibration.COLUMNS
+    columns = name, Column(number, justify="right"), Column(size, no_wrap=True)
+    table = plain_table(*columns, *others, title=calibration.TITLE)
+    for name, *cells, limits in calibration.error_rows(estimate):
+        # One name a line, that of a sum's model on one of its own: the table keeps within 80 columns.
+        table.add_row(name.replace(" ", "\n"), *cells, limits.replace(", ", "\n").replace(".", ".\n  "))
+    return table, Text(calibration.LEGEND, style="dim"), Text()
 
 
 def _errors(estimate: Estimate) -> str:

@@ -5,18 +5,23 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from numbers import Real
 from typing import Any, NamedTuple
 
 from matest.errors import InputError, nearest
 
 # The word that names every family.
 ALL = "all"
-# Largest angles, rad: more is no tangential angle of a direction, and degrees taken for radians lie above it.
-_ANGLE = 0.5
+# Largest angles, rad: 11° is more than anyone would state, and half a degree taken for radians lies above it.
+_ANGLE = 0.2
 # Largest uncertainties of a black level, fraction of full scale, and of a gamma: more leaves nothing to be stated.
 _SHARE = 0.5
 # Largest relative uncertainties: percentages taken for shares lie above it.
 _RELATIVE = 1.0
+# Units of shares.
+_SHARES = ("relative", "fraction of full scale")
+# Other units of a text: how it ends, what it is converted to, and how many are one of that.
+_OTHER_UNITS = (("%", _SHARES, 100.0), ("°", ("rad",), math.degrees(1)), ("deg", ("rad",), math.degrees(1)))
 # Largest lengths in the image, pixels: more than images are wide is a typing error.
 _LENGTH = 1e4
 
@@ -28,11 +33,18 @@ class Family(NamedTuple):
         unit: of one standard deviation; of a pair both, separated by a comma.
         doc: what the standard deviation is of.
         most: the largest that makes sense, one for each number.
+        example: of what one may state, as files and options write it.
     """
 
     unit: str
     doc: str
     most: tuple[float, ...]
+    example: str = "0.01"
+
+    @property
+    def units(self) -> list[str]:
+        """One for each number."""
+        return self.unit.split(",")
 
 
 # Families by the name that files, options and results call them.
@@ -54,15 +66,20 @@ NAMES: dict[str, Family] = {
     ),
     "transfer": Family("relative", "the exponent of the transfer function", (_SHARE,)),
     "pose": Family(
-        "pixels,rad", "the object's shift along x and y of the image, its rotation about three axes", (_LENGTH, _ANGLE)
+        "pixels,rad",
+        "the object's shift along x and y of the image, its rotation about three axes",
+        (_LENGTH, _ANGLE),
+        "0.5,0.01",
     ),
-    "radius": Family("pixels", "the radius of the silhouette; of a mesh, its size", (_LENGTH,)),
+    "radius": Family("pixels", "the radius of the silhouette; of a mesh, its size", (_LENGTH,), "0.5"),
     "normals": Family("rad", "each tangential angle of the normals, smooth over the object", (_ANGLE,)),
     "normal_noise": Family("rad", "each tangential angle of the normals, of each pixel by itself", (_ANGLE,)),
-    "blur": Family("pixels", "the width of a Gaussian that the images are convolved with", (_LENGTH,)),
+    "blur": Family("pixels", "the width of a Gaussian that the images are convolved with", (_LENGTH,), "0.5"),
     "albedo": Family("relative", "the albedo, smooth over the object", (_RELATIVE,)),
     "albedo_noise": Family("relative", "the albedo of each pixel by itself", (_RELATIVE,)),
 }
+# What results call the errors that a name stands for, where they do not call them by that name.
+PARTS: dict[str, tuple[str, ...]] = {"pose": ("shift", "tilt"), "albedo": ("albedo_field",)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,11 +119,13 @@ class Uncertainty:
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Uncertainty:
-        """Standard deviations by the name of their family.
+        """Standard deviations by the name of their family; None: not stated.
 
         Raises:
-            InputError: an unknown name, or a value that is refused.
+            InputError: no mapping, an unknown name, or a value that is refused.
         """
+        if not isinstance(values, Mapping):
+            raise InputError(f"what is stated are numbers by name, as {{'direction': 0.01}}; got {values!r}.")
         refuse_unknown(values)
         return cls(**values)
 
@@ -121,20 +140,37 @@ class Uncertainty:
         return Uncertainty.of({**self.stated, **other.stated})
 
 
-def families(names: Iterable[str]) -> tuple[str, ...]:
-    """Names of families, each once; "all" stands for every one.
+def families(names: str | Iterable[str]) -> tuple[str, ...]:
+    """Names of families of errors, each once; "all" stands for every one.
+
+    Args:
+        names: of `NAMES` or `PARTS`, several or one text that commas separate.
 
     Raises:
-        InputError: an unknown name.
+        InputError: an unknown name, a text without any, or no names at all.
     """
+    if isinstance(names, str):
+        names = [name for name in map(str.strip, names.split(",")) if name] or [""]
+    if not isinstance(names, Iterable) or not all(isinstance(name, str) for name in names):
+        raise InputError(f"names of errors are expected, as 'direction,intensity'; got {names!r}.")
     names = tuple(dict.fromkeys(names))
-    if ALL in names:
-        return tuple(NAMES)
-    refuse_unknown(names)
-    return names
+    if "" in names:
+        raise InputError("it names no errors; name some, as direction,intensity, or leave it out.")
+    refuse_unknown(name for name in names if name != ALL and whole(name) == name)
+    return tuple(NAMES) if ALL in names else names
 
 
-def refuse_unknown(names: Iterable[str]) -> None:
+def whole(part: str) -> str:
+    """The name of `NAMES` that errors belong to, by what results call them."""
+    return next((name for name, parts in PARTS.items() if part in parts), part)
+
+
+def labelled(part: str) -> str:
+    """What results call errors, and behind that the name to state them by where it is another."""
+    return part if whole(part) == part else f"{part} ({whole(part)})"
+
+
+def refuse_unknown(names: Iterable[Any]) -> None:
     """Refuse a name that is no family's.
 
     Raises:
@@ -142,7 +178,41 @@ def refuse_unknown(names: Iterable[str]) -> None:
     """
     for name in names:
         if name not in NAMES:
-            raise InputError(f"unknown uncertainty '{name}'; {nearest(name, NAMES)}")
+            family = whole(name)
+            meant = nearest(str(name), NAMES) if family == name else f"state {family}={NAMES[family].example}."
+            raise InputError(f"unknown uncertainty '{name}'; {meant}")
+
+
+def read(name: str, text: str) -> list[float]:
+    """The numbers that a text states of a family: `0.01`, `0.5,0.01`; also `1deg` or `1°` of angles, `3%` of shares.
+
+    Raises:
+        InputError: an unknown name, or another text.
+    """
+    refuse_unknown([name])
+    try:
+        return [_number(part.strip(), unit) for part, unit in zip(text.split(","), NAMES[name].units, strict=True)]
+    except ValueError:
+        raise InputError(f"{_expected(name)}; got '{text}'.") from None
+
+
+def _number(text: str, unit: str) -> float:
+    """A number in a unit, or in one that goes into it.
+
+    Raises:
+        ValueError: the text is neither.
+    """
+    for suffix, kind, per in _OTHER_UNITS:
+        if unit in kind and text.endswith(suffix):
+            return float(text.removesuffix(suffix)) / per
+    return float(text)
+
+
+def _expected(name: str) -> str:
+    """The clause that refuses what is no standard deviation of a family."""
+    family = NAMES[name]
+    count = "one number" if len(family.most) == 1 else f"{len(family.most)} numbers"
+    return f"{name} must be {count} ({family.unit}), as {family.example}"
 
 
 def _checked(name: str, value: Any) -> tuple[float, ...]:
@@ -153,10 +223,9 @@ def _checked(name: str, value: Any) -> tuple[float, ...]:
     """
     family = NAMES[name]
     values = value if isinstance(value, Sequence) and not isinstance(value, str) else [value]
-    expected = "one number" if len(family.most) == 1 else f"{len(family.most)} numbers"
-    if len(values) != len(family.most) or any(isinstance(v, bool) or not isinstance(v, int | float) for v in values):
-        raise InputError(f"{name} must be {expected} ({family.unit}); got {value!r}.")
-    for number, most, unit in zip(values, family.most, family.unit.split(","), strict=True):
+    if len(values) != len(family.most) or not all(isinstance(v, Real) and not isinstance(v, bool) for v in values):
+        raise InputError(f"{_expected(name)}; got {value!r}.")
+    for number, most, unit in zip(map(float, values), family.most, family.units, strict=True):
         if not (math.isfinite(number) and number > 0):
             raise InputError(f"{name} is a standard deviation ({unit}) and must be positive; got {number:g}.")
         if number > most:
@@ -165,9 +234,11 @@ def _checked(name: str, value: Any) -> tuple[float, ...]:
 
 
 def _meant(number: float, most: float, unit: str) -> str:
-    """A sentence with what a number that is too large stands for in another unit; empty where it would be too large."""
-    if unit == "rad" and math.radians(number) <= most:
-        return f" {number:g}° is {math.radians(number):.3g} rad."
-    if unit in ("relative", "fraction of full scale") and number / 100 <= most:
-        return f" {number:g} % is {number / 100:.3g}."
-    return ""
+    """A sentence with what a number that is too large is in another unit; empty for a length."""
+    if unit == "rad":
+        meant, sentence = math.radians(number), f" {number:g}° is {math.radians(number):.3g} rad"
+    elif unit in _SHARES:
+        meant, sentence = number / 100, f" {number:g} % is {number / 100:.3g}"
+    else:
+        return ""
+    return sentence + (", which is too much as well." if meant > most else ".")

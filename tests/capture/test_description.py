@@ -88,7 +88,8 @@ def test_the_uncertainty_of_a_calibration_is_what_its_table_states(folder: Captu
     ("table", "words"),
     [
         ({"intensty": 0.02}, "unknown uncertainty 'intensty'; did you mean 'intensity'?"),
-        ({"direction": 1.0}, "direction (rad) must be at most 0.5; got 1. 1° is 0.0175 rad."),
+        ({"direction": 1.0}, "direction (rad) must be at most 0.2; got 1. 1° is 0.0175 rad."),
+        ({"intensity": "3%"}, "intensity must be one number (relative), as 0.01; got '3%'."),
     ],
 )
 def test_an_impossible_uncertainty_is_refused_by_file_and_table(

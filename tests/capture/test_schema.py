@@ -121,6 +121,13 @@ def test_a_value_of_the_wrong_kind_says_where_and_what_is_expected(file, right, 
     assert expected in message
 
 
+def test_double_brackets_around_a_table_that_stands_once_are_told(file):
+    message = refusal(lambda: read_text(file, GOOD.replace("[noise]", "[[noise]]")))
+    assert message == f"{file}: noise: expected one table; write [noise] with single brackets, once."
+    message = refusal(lambda: read_text(file, GOOD.replace("[[image]]", "[image]")))
+    assert message == f"{file}: image: expected a list, got a table; correct the value."
+
+
 @pytest.mark.parametrize(("missing", "key"), [('[geometry]\nmesh = "vase.ply"\n', "geometry"), ("[[image]]", "image")])
 def test_a_missing_table_is_named(file, missing, key):
     text = GOOD.replace(missing, "") if key == "geometry" else GOOD[: GOOD.index(missing)]

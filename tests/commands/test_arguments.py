@@ -18,9 +18,7 @@ from tests.captures import refusal
     [
         (arguments.assignment, "f0=0.04", ("f0", 0.04)),
         (arguments.assignment, "albedo = 0.7, 0.6,0.5", ("albedo", [0.7, 0.6, 0.5])),
-        (arguments.pair, "a.sigma = b.sigma", ("a.sigma", "b.sigma")),
         (arguments.indices, "0, 3,", [0, 3]),
-        (arguments.names, "direction, blur,", ("direction", "blur")),
         (arguments.noise, "0.002,5e-4", (0.002, 0.0005)),
         (arguments.line, "0,1,20.5,3", (0.0, 1.0, 20.5, 3.0)),
         (arguments.encoding, "srgb", "srgb"),
@@ -33,8 +31,8 @@ def test_a_text_becomes_what_it_says(parse: Callable[[str | None], Any], text: s
 
 
 def test_uncertainties_are_read_by_name() -> None:
-    stated = arguments.uncertainty(["direction=0.01", "pose = 0.5,0.01"])
-    assert stated == Uncertainty(direction=0.01, pose=(0.5, 0.01))
+    stated = arguments.uncertainty(["direction=0.01", "pose = 0.5,0.01", "intensity=3%"])
+    assert stated == Uncertainty(direction=0.01, pose=(0.5, 0.01), intensity=0.03)
     assert arguments.uncertainty(None) == Uncertainty()
 
 
@@ -42,13 +40,35 @@ def test_uncertainties_are_read_by_name() -> None:
     ("text", "expected"),
     [
         ("directoin=0.01", "--uncertainty: unknown uncertainty 'directoin'; did you mean 'direction'?"),
-        ("pose=0.5", "--uncertainty: pose must be 2 numbers (pixels,rad); got 0.5."),
-        ("blur=wide", "--uncertainty blur must be a number; got 'wide'."),
-        ("blur", "'blur' must read NAME=VALUE."),
+        ("pose=0.5", "--uncertainty: pose must be 2 numbers (pixels,rad), as 0.5,0.01; got '0.5'."),
+        ("blur=wide", "--uncertainty: blur must be one number (pixels), as 0.5; got 'wide'."),
+        ("direction=1,2", "--uncertainty: direction must be one number (rad), as 0.01; got '1,2'."),
+        ("blur", "--uncertainty: 'blur' must read NAME=VALUE."),
+        (
+            "pose=0.5,0.01,intensity=0.03",
+            "--uncertainty takes one NAME=VALUE; repeat it: --uncertainty pose=0.5,0.01 --uncertainty intensity=0.03.",
+        ),
     ],
 )
 def test_an_uncertainty_that_is_none_is_refused(text: str, expected: str) -> None:
     assert refusal(lambda: arguments.uncertainty([text])) == expected
+
+
+@pytest.mark.parametrize(
+    ("option", "parse"),
+    [
+        ("--uncertainty", arguments.uncertainty),
+        ("--fix", lambda texts: arguments.options(None, texts, None, None, None)),
+        ("--tie", lambda texts: arguments.options(None, None, None, texts, None)),
+    ],
+)
+def test_a_name_that_is_given_twice_is_refused(option: str, parse: Callable[[list[str]], object]) -> None:
+    assert refusal(lambda: parse(["blur=1", "blur=2"])) == f"{option} blur is given twice; keep one."
+
+
+def test_ties_are_read_by_name() -> None:
+    assert arguments.options(None, None, None, ["a.sigma = b.sigma"], None).tie == {"a.sigma": "b.sigma"}
+    assert "--tie: 'a' must read" in refusal(lambda: arguments.options(None, None, None, ["a"], None))
 
 
 def test_the_help_of_uncertainties_lists_every_name() -> None:
@@ -59,7 +79,7 @@ def test_the_help_of_uncertainties_lists_every_name() -> None:
 @pytest.mark.parametrize(
     ("parse", "text", "expected"),
     [
-        (arguments.assignment, "f0", "'f0' must read NAME=VALUE."),
+        (arguments.assignment, "f0", "--fix: 'f0' must read NAME=VALUE."),
         (arguments.indices, "1,b", "--holdout takes image numbers separated by commas, as 0,3; got '1,b'."),
         (arguments.noise, "0.1", "as 0.002,0.0005; got '0.1'."),
         (arguments.noise, "a,b", "as 0.002,0.0005; got 'a,b'."),

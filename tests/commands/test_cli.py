@@ -81,7 +81,9 @@ def test_commands_are_listed_in_the_order_of_the_catalogue(run: Run) -> None:
 
 def test_tables_fit_an_eighty_column_terminal(run: Run, capture: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    for arguments in (("estimate", capture, "--model", "oren-nayar"), ("models",)):
+    plain = ("estimate", capture, "--model", "oren-nayar")
+    refined = (*plain, "--refine", "albedo_field,direction", "--uncertainty", "pose=0.1,0.1deg")
+    for arguments in (plain, refined, ("models",)):
         _, out, _ = run(*arguments)
         assert max(len(line.rstrip()) for line in out.splitlines() if str(capture) not in line) <= 80
 

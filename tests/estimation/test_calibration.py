@@ -37,7 +37,7 @@ def test_a_result_says_what_was_refined_and_what_was_allowed_for() -> None:
     assert len(content["intensity"]["value"]) == len(content["intensity"]["std"]) == 8
     assert content["shift"]["value"] is None
     assert content["shift"]["adds"]["sigma"] > 0
-    assert [cells[0] for cells in error_rows(estimate)] == ["intensity", "shift"]
+    assert [cells[0] for cells in error_rows(estimate)] == ["intensity", "shift (pose)"]
 
 
 def test_all_stands_for_what_has_an_effect_and_is_no_special_case() -> None:
@@ -59,12 +59,21 @@ def test_the_size_of_a_smooth_field_is_its_rms_over_the_object(family: str, erro
     assert estimate.nuisance[family].size == pytest.approx(size, rel=0.1)
 
 
+def test_errors_are_refined_by_the_name_of_the_option_or_of_the_result() -> None:
+    capture = photographed(MATERIAL, under_sky(0.0), 1, SMALL)
+    by_option, by_result = (matest.estimate(capture, "oren-nayar", refine=name) for name in ("pose", "shift"))
+    assert [*by_option.nuisance] == [*by_result.nuisance] == ["shift"]
+    assert by_option.parameters == by_result.parameters
+
+
 def test_errors_that_cannot_be_refined_are_refused_with_the_reason() -> None:
     capture = photographed(MATERIAL, under_sky(0.0), 1, SMALL)
     with pytest.raises(InputError, match="--refine normal_noise: errors of the normals of single pixels"):
         matest.estimate(capture, "oren-nayar", refine="normal_noise")
     with pytest.raises(InputError, match="--refine albedo: the model has no diffuse body"):
         matest.estimate(capture, "torrance-sparrow", refine="albedo")
+    with pytest.raises(InputError, match="--refine albedo_field: the model has no diffuse body"):
+        matest.estimate(capture, "torrance-sparrow", refine="albedo_field")
 
 
 def test_a_body_under_gloss_may_vary_and_a_metal_may_not() -> None:
@@ -82,8 +91,9 @@ def test_lights_of_unknown_scale_have_errors_that_are_zero_on_average() -> None:
 
 def test_a_misfit_that_refining_does_not_explain_is_told() -> None:
     gloss = CookTorrance([0.4, 0.2, 0.1], 0.8, 0.2, f0=0.04)
-    estimate = matest.estimate(photographed(gloss, under_sky(0.0), 1), "lambert", refine="intensity")
-    assert any("does not hold with errors of intensity refined either" in warning for warning in estimate.warnings)
+    estimate = matest.estimate(photographed(gloss, under_sky(0.0), 1), "lambert", refine="intensity,black,pose")
+    said = "does not hold with errors of intensity, black and shift (pose) refined either"
+    assert any(said in warning for warning in estimate.warnings)
 
 
 def test_nothing_is_said_of_the_calibration_where_nothing_is_asked() -> None:

@@ -47,6 +47,9 @@ def test_a_slip_in_the_name_of_auto_is_refused_with_the_right_one(model: str) ->
 def test_errors_to_refine_are_families_by_name() -> None:
     assert Options(refine=("blur", "black")).refine == ("blur", "black")
     assert Options(refine=("all",)).refine == tuple(NAMES)
+    assert Options(refine="blur, black").refine == ("blur", "black")
+    assert not Options(refine=("shift",) * len(NAMES)).refines_all
+    assert refusal(lambda: Options(refine="")).startswith("--refine: it names no errors")
     expected = "--refine: unknown uncertainty 'bluur'; did you mean 'blur'?"
     assert refusal(lambda: Options(refine=("bluur",))) == expected
 
@@ -60,7 +63,10 @@ def test_an_estimate_takes_uncertainties_by_name_or_as_a_capture_states_them(mon
         options = matest.estimate(capture, uncertainty=uncertainty, refine=["pose"])
         assert options == Options(model="auto", uncertainty=stated, refine=("pose",))
     assert matest.estimate(capture, refine="all").refine == tuple(NAMES)
+    assert matest.estimate(capture, refine="pose,blur").refine == ("pose", "blur")
     assert "direction" in refusal(lambda: matest.estimate(capture, uncertainty={"directoin": 0.1}))
+    expected = "--uncertainty: what is stated are numbers by name, as {'direction': 0.01}; got ['direction']."
+    assert refusal(lambda: matest.estimate(capture, uncertainty=["direction"])) == expected  # type: ignore[arg-type]
 
 
 def test_images_left_out_are_those_of_the_capture() -> None:

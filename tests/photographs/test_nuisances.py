@@ -102,15 +102,17 @@ def test_all_lights_turned_together_are_a_scene_of_turned_lights() -> None:
     assert relative_error(model, exact) < 1e-12
 
 
-def test_errors_of_a_direction_tilt_one_light_by_that_angle() -> None:
+@pytest.mark.parametrize("axis", [0, 1])
+def test_errors_of_a_direction_tilt_one_light_by_that_angle(axis: int) -> None:
     samples = samples_of()
     batch, chosen = everything(samples), calibrated(samples, "direction")
     errors = [0.0] * 12
-    errors[2] = 0.02
+    errors[2 + axis] = 0.02
     model = CalibratedModel(chosen, unknowns_with(chosen, direction=errors)).radiance(batch)
     toward = samples.photographs.scene.lights[1][0].direction
     first = torch.linalg.cross(torch.tensor([0.0, 1.0, 0.0]).double(), toward)
-    tilted = toward + 0.02 * first / first.norm()
+    across = first / first.norm()
+    tilted = toward + 0.02 * (torch.linalg.cross(toward, across) if axis else across)
     assert math.degrees(math.acos(float(tilted @ toward / tilted.norm()))) == pytest.approx(
         math.degrees(0.02), rel=1e-3
     )

@@ -25,6 +25,7 @@ RGB = ("R", "G", "B")
         (-0.5, 0.1, "-0.50 ± 0.10"),
         (0.25, 0.0, "0.25 ± 0"),
         (0.0, 0.003, "0.0000 ± 0.0030"),
+        (-1e-7, 0.003, "0.0000 ± 0.0030"),
     ],
 )
 def test_a_value_has_two_digits_of_its_error(value: float, std: float, expected: str) -> None:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from io import StringIO
+from typing import Any
 
 import pytest
 from rich.console import Console, RenderableType
 
 from matest.brdf import MODELS, PRESETS
+from matest.estimation.calibration import NuisanceEstimate
 from matest.estimation.prediction import PredictionErrors
 from matest.estimation.recipes import RECIPES
 from matest.report.tables import (
@@ -28,6 +31,13 @@ def printed(table: RenderableType, colour: bool = False) -> str:
     console = Console(file=StringIO(), width=200, force_terminal=colour, highlight=False)
     console.print(table)
     return console.file.getvalue()  # type: ignore[attr-defined]
+
+
+def errors(value: list[float] | None, std: list[float] | None, **changes: Any) -> NuisanceEstimate:
+    """Errors of a family, of small size as the estimate has it."""
+    size = None if value is None else math.sqrt(sum(number**2 for number in value) / len(value))
+    known = {"size": size, "prior_std": 0.05, "origin": "assumed", "refined": value is not None, "unit": "1"}
+    return NuisanceEstimate(value=value, std=std, doc="errors", **(known | changes))
 
 
 def words(table: RenderableType) -> str:
@@ -83,6 +93,27 @@ def test_an_estimate_shows_errors_what_was_left_out_and_warnings() -> None:
         "fit 0.30 s",
     ):
         assert part in text
+
+
+def test_errors_of_the_calibration_are_readable_in_80_columns() -> None:
+    limits = ["oren-nayar.albedo", "torrance-sparrow.specular"]
+    nuisance = {
+        "albedo_field": errors([-0.03, 0.04], [0.003, 0.004], prior_std=1e-17, origin="estimated"),
+        "normals": errors(None, None, unit="rad", prior_std=math.radians(1), origin="stated", limits=limits),
+        "vignetting": errors([-0.00012345], [0.00053]),
+        "direction": errors([1e-17, 0.0], [1e-17, 1e-17], unit="rad"),
+    }
+    console = Console(file=StringIO(), width=80, highlight=False)
+    console.print(estimate_table(clay(nuisance=nuisance)))
+    _, _, table = console.file.getvalue().partition("Errors of the calibration")  # type: ignore[attr-defined]
+    rows = [line.split() for line in table.partition("Size:")[0].splitlines()]
+    assert ["albedo_field", "2", "0.0354", "±", "0.0035", "0", "(estimated)"] in rows
+    assert ["(albedo)"] in rows
+    assert ["normals", "not", "refined", "1°", "(stated)", "oren-nayar."] in rows
+    assert ["torrance-sparrow."] in rows
+    assert ["vignetting", "1", "-0.00012", "±", "0.00053", "0.05", "(assumed)"] in rows
+    assert ["direction", "2", "0°", "2.86°", "(assumed)"] in rows
+    assert "…" not in table
 
 
 def test_a_capture_that_failed_says_why_in_its_line() -> None:
