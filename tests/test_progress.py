@@ -43,6 +43,7 @@ def test_one_callback_serves_rendering_reading_estimating_and_checking(tmp_path:
         "reading images",
         "searching",
         "refining over all samples",
+        "looking for causes of residuals",
         "predicting photographs",
         "trying lights",
     ]

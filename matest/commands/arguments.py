@@ -46,8 +46,9 @@ UncertaintyOf = Annotated[
 Refine = Annotated[
     str | None,
     typer.Option(
-        metavar="NAME,...|all",
-        help="Errors of the calibration to estimate with the material: names of --uncertainty, or of the result.",
+        metavar="NAME,...|all|auto",
+        help="Errors of the calibration to estimate with the material: names of --uncertainty, or of the result; auto: "
+        "those that explain the residuals.",
         show_default=False,
     ),
 ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from matest.errors import InputError
 from matest.estimation.options import Options
@@ -16,7 +16,7 @@ from matest.inference.quantities import Number
 from matest.progress import Progress
 from matest.samples.account import CalibratedSamples
 from matest.samples.calibration import Family
-from matest.samples.uncertainty import PARTS, Uncertainty, whole
+from matest.samples.uncertainty import FOUND, PARTS, Uncertainty, whole
 
 # Share of the variance of an estimate above which it is mostly due to one family.
 MOSTLY = 0.5
@@ -46,7 +46,7 @@ class NuisanceEstimate:
         std: standard errors; None likewise.
         size: rms of the errors as a whole; None likewise.
         prior_std: one standard deviation of the errors as a whole, beside the fit.
-        origin: of that: "stated", "estimated" from the errors themselves, or "assumed".
+        origin: of that: "stated", "estimated" from the errors themselves, "assumed", or "found" in the residuals.
         refined: whether they were estimated with the material.
         unit: "1", "rad", "px", "px²".
         doc: what they are.
@@ -78,10 +78,12 @@ class Calibration:
     Attributes:
         stated: standard deviation of the errors of every family that is stated.
         refined: standard deviation of those of the families to refine, stated or assumed.
+        found: size of those that explain residuals, and were neither stated nor refined.
     """
 
     stated: Mapping[str, float]
     refined: Mapping[str, float]
+    found: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, options: Options, capture: Uncertainty, samples: CalibratedSamples, problem: Problem) -> Calibration:
@@ -94,11 +96,12 @@ class Calibration:
         given = _spreads(capture.merged(options.uncertainty))
         stated = {name: spread for name, spread in given.items() if name in possible}
         refinable = [name for name, family in possible.items() if not family.of_pixels]
+        words = [word for word in options.refine if word != FOUND]
         if options.refines_all:
             names = [name for name in refinable if name in _TOGETHER or name in stated]
         else:
-            names = [name for word in options.refine for name in PARTS.get(word, (word,)) if name in refinable]
-            if missing := [word for word in options.refine if not {*PARTS.get(word, (word,))} & {*names}]:
+            names = [name for word in words for name in PARTS.get(word, (word,)) if name in refinable]
+            if missing := [word for word in words if not {*PARTS.get(word, (word,))} & {*names}]:
                 raise InputError(f"--refine {missing[0]}: {_REASONS.get(whole(missing[0]), _NO_EFFECT)}")
         return cls(stated, {name: stated.get(name, possible[name].assumed) for name in names})
 
@@ -107,32 +110,46 @@ class Calibration:
         if not self.refined:
             return solution
         families = samples.calibration([*self.refined])
-        problem = solution.problem.calibrated(families, self.refined, samples.groups, _centred(samples))
+        problem = solution.problem.calibrated(families, self.refined, samples.groups, centred(samples))
         return fit_calibrated(problem, solution, samples, seed, [*self.stated], progress)
 
+    def refining(self, sizes: Mapping[str, float]) -> Calibration:
+        """The same with further families refined, by name how large their errors seem to be."""
+        return replace(self, refined={**self.refined, **{name: self.stated.get(name, sizes[name]) for name in sizes}})
+
+    def with_found(self, sizes: Mapping[str, float]) -> Calibration:
+        """The same with errors that explain residuals, by family their size."""
+        known = {*self.stated, *self.refined}
+        return replace(self, found={name: size for name, size in sizes.items() if name not in known})
+
+    @property
+    def _rest(self) -> dict[str, float]:
+        """Standard deviations of the errors that were not refined."""
+        stated = {name: spread for name, spread in self.stated.items() if name not in self.refined}
+        return {**stated, **self.found}
+
     def budget(self, solution: Solution, samples: CalibratedSamples, seed: int) -> Budget | None:
-        """How a solution moves with the errors that are stated and were not refined; None: there are none."""
-        rest = {name: spread for name, spread in self.stated.items() if name not in self.refined}
+        """How a solution moves with the errors that are known of and were not refined; None: there are none."""
+        rest = self._rest
         if not rest:
             return None
         families = samples.calibration([*self.refined, *rest])
         spreads = {**self.refined, **rest}
-        problem = solution.problem.calibrated(families, spreads, samples.groups, _centred(samples))
+        problem = solution.problem.calibrated(families, spreads, samples.groups, centred(samples))
         return budget(solution, problem.with_priors(solution.problem.spreads), rest, samples, seed)
 
     def estimates(
         self, solution: Solution, posterior: Posterior, samples: CalibratedSamples
     ) -> dict[str, NuisanceEstimate]:
         """The errors of every family that was refined or allowed for."""
-        rest = [name for name in self.stated if name not in self.refined]
-        families = samples.calibration([*self.refined, *rest]).families
+        families = samples.calibration([*self.refined, *self._rest]).families
         return {family.name: self._estimate(family, solution, posterior) for family in families}
 
     def _estimate(self, family: Family, solution: Solution, posterior: Posterior) -> NuisanceEstimate:
         """The errors of one family."""
         name, estimate, size = family.name, posterior.nuisance.get(family.name), None
-        spread = self.stated.get(name, 0.0)
-        origin = "stated"
+        spread = self.stated.get(name, self.found.get(name, 0.0))
+        origin = "found" if name in self.found else "stated"
         if estimate is not None:
             spread = solution.problem.spreads[name] / family.spread
             if name not in self.stated:
@@ -191,7 +208,7 @@ def _spreads(uncertainty: Uncertainty) -> dict[str, float]:
     return spreads
 
 
-def _centred(samples: CalibratedSamples) -> tuple[str, ...]:
+def centred(samples: CalibratedSamples) -> tuple[str, ...]:
     """Families whose mean is part of the unknown scale of the lights."""
     return ("intensity", "exposure") if samples.relative else ()
 

@@ -9,11 +9,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from matest.errors import InputError, errors_of
-from matest.estimation.calibration import Calibration
 from matest.estimation.freeing import determined_by_images, widened
 from matest.estimation.options import AUTO, Options, Value
 from matest.estimation.prediction import relative_error
+from matest.estimation.refining import refined
 from matest.estimation.remarks import message, skipped, unread_samples
+from matest.estimation.remedies import diagnoses
 from matest.estimation.result import Estimate, Fit
 from matest.estimation.selection import select
 from matest.estimation.specification import Specification, expression_of, freed, specify_unknowns
@@ -63,7 +64,7 @@ def estimate(
         uncertainty: one standard deviation of what the calibration states, by family (`matest.samples.uncertainty`),
             such as {"direction": 0.01, "pose": (0.5, 0.01)}; it comes before the capture's own.
         refine: families of errors of the calibration to estimate with the material, as ["direction", "pose"] or
-            "direction,pose"; "all": every family.
+            "direction,pose"; "all": every family; "auto": those that explain what the fit without them leaves.
         progress: called with a word on what is being done.
 
     Raises:
@@ -97,17 +98,23 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
     if expression is None or options.automatic:
         selection = select(samples, options, progress)
         expression = selection.best.recipe.expression
-    said = [*sentences(selection)] if selection else []
     specification, solution = solve(expression, samples, options, progress)
     if not solution.statistics.total("values"):
         raise InputError(
             f"{capture.name}: no value lies inside the sensor's range and near the model: the object is saturated or "
             "black in every image. Photograph it with another exposure."
         )
-    calibration = Calibration.of(options, capture.stated_uncertainty, samples, solution.problem)
-    solution = calibration.refine(solution, samples, options.seed, progress)
+    solution, calibration, found = refined(solution, samples, options, capture.stated_uncertainty, progress)
     posterior = judge(solution, samples, budget=calibration.budget(solution, samples, options.seed))
-    sentence = message(solution, posterior.bars, unread_samples(samples, solution))
+    diagnosis = diagnoses(found)
+    said = [one.message for one in diagnosis]
+    if selection:
+        said += sentences(selection, [*calibration.refined], explained=bool(found))
+    sentence = message(
+        solution, posterior.bars, unread_samples(samples, solution), random=all(cause.refined for cause in found)
+    )
+    explained = bool(found) or selection is not None
+    context = Context(samples, specification, solution, posterior, options.precision, said, explained)
     material = solution.problem.material(solution.unknowns)
     held_out = sorted({*options.holdout})
     holdout = _holdout(capture, material, held_out)
@@ -127,10 +134,9 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         timing_s={**{stage: capture.timing.get(stage, 0.0) for stage in ("read", "geometry")}, "fit": fit_s},
         holdout=holdout,
         nuisance=calibration.estimates(solution, posterior, samples),
+        diagnosis=diagnosis,
         residual_scale=solution.residual_scale,
-        warnings=warnings(
-            Context(samples, specification, solution, posterior, options.precision, said, named=selection is None)
-        ),
+        warnings=warnings(context),
     )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from matest.errors import InputError, errors_of
-from matest.samples.uncertainty import NAMES, Uncertainty, families
+from matest.samples.uncertainty import FOUND, NAMES, Uncertainty, families
 
 Value = float | Sequence[float]
 # The model name that asks `estimate` to choose the model.
@@ -73,6 +73,11 @@ class Options:
     def refines_all(self) -> bool:
         """Whether every error of the calibration is to be estimated."""
         return {*NAMES} <= {*self.refine}
+
+    @property
+    def refines_found(self) -> bool:
+        """Whether errors that explain residuals are to be estimated."""
+        return FOUND in self.refine
 
     @property
     def automatic(self) -> bool:

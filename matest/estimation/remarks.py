@@ -13,8 +13,15 @@ from matest.inference.error_bars import ErrorBars
 from matest.samples.account import Account, AccountedSamples
 
 
-def message(solution: Solution, bars: ErrorBars, unread: int) -> str:
-    """How the fit went, as a sentence; `unread` is the number of samples that the precision did not need."""
+def message(solution: Solution, bars: ErrorBars, unread: int, *, random: bool = True) -> str:
+    """How the fit went, as a sentence.
+
+    Args:
+        solution: of the fit.
+        bars: error bars.
+        unread: number of samples that the precision did not need.
+        random: whether no errors are known that would explain the residuals.
+    """
     if not solution.converged:
         return (
             f"Not converged: after {solution.iterations} passes the next step would still move the estimate by "
@@ -24,6 +31,11 @@ def message(solution: Solution, bars: ErrorBars, unread: int) -> str:
     outcome = "Converged to the precision asked for on a subsample" if unread else "Converged"
     if solution.problem.nuisances:
         outcome += ", errors of the calibration refined"
+    if bars.holds and not random:
+        return (
+            f"{outcome}; residuals are hardly larger than the noise (reduced χ² {bars.chi2:.2f}), but the first note "
+            "explains a part of them, which error bars allow for."
+        )
     if bars.holds:
         return f"{outcome}; the model describes the images to their noise (reduced χ² {bars.chi2:.2f})."
     if bars.kind == "fisher":

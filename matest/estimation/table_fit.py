@@ -174,7 +174,7 @@ def fit_table_with(
     verdict = _verdict(misfits[0], named, selection is not None)
     said = [*([verdict] if verdict else []), *_where_missed(named, *misfits)]
     context = Context(
-        samples, specification, solution, posterior, None, named=selection is None, channels=table.channels
+        samples, specification, solution, posterior, None, explained=selection is not None, channels=table.channels
     )
     estimate = Estimate(
         capture=str(table.path.name),

@@ -28,11 +28,22 @@ _MOST_RIVALS = 3
 _DIGITS = 2
 
 
-def sentences(selection: Selection) -> Iterator[str]:
-    """What a person should know of the choice of the model."""
+def sentences(selection: Selection, refined: Sequence[str] = (), *, explained: bool = False) -> Iterator[str]:
+    """What a person should know of the choice of the model.
+
+    Args:
+        selection: that was made, with the calibration as it is stated.
+        refined: families of its errors that were estimated afterwards.
+        explained: whether causes of residuals are told already.
+    """
     best = selection.best
-    if not best.holds:
-        yield _nothing_holds(selection)
+    if not best.holds and refined:
+        yield (
+            f"Models were compared with the calibration as it is stated, under which none predicts {selection.unit}s "
+            f"left out to their noise; errors of {', '.join(refined)} were refined for the best of them."
+        )
+    elif not best.holds:
+        yield _nothing_holds(selection, explained)
     else:
         yield from (_equivalent(best, rival) for rival in equivalents(best, selection.trials))
     if selection.unfit:
@@ -54,7 +65,7 @@ def equivalents(best: Trial, trials: Sequence[Trial]) -> list[Trial]:
     return sorted(equal, key=lambda trial: trial.cost)[:_MOST_RIVALS]
 
 
-def _nothing_holds(selection: Selection) -> str:
+def _nothing_holds(selection: Selection, explained: bool) -> str:
     best, error = selection.best, selection.best.score
     said = (
         f"No model of the catalogue predicts {selection.unit}s left out to their noise: the best, "
@@ -65,10 +76,12 @@ def _nothing_holds(selection: Selection) -> str:
             f"{said}; a free mixture of the components of all models misses them by {selection.mixture_error:.2g} "
             "times the noise: the surface has more components than a model."
         )
-    return (
-        f"{said}; nor would a free mixture of the components of all models: look for an albedo that varies over the "
-        "object, or for errors of lights, normals, ambient light or transfer."
+    advice = (
+        "it is not the model"
+        if explained
+        else "look for an albedo that varies, or for errors of lights, normals, ambient light or transfer"
     )
+    return f"{said}; nor would a free mixture of the components of all models: {advice}."
 
 
 def _equivalent(best: Trial, rival: Trial) -> str:

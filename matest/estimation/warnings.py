@@ -48,8 +48,8 @@ class Context:
         specification: what was to be estimated.
         solution, posterior: the result of the fit.
         precision: relative standard error that the user asked for; None: no such wish.
-        selection: what is to be said of the choice of the model.
-        named: whether the user named the model.
+        first: what is to be said before all else: causes of residuals, and the choice of the model.
+        explained: whether that says why the model does not hold.
         channels: names of the channels; empty: R, G, B, or numbers.
     """
 
@@ -58,8 +58,8 @@ class Context:
     solution: Solution
     posterior: Posterior
     precision: float | None
-    selection: Sequence[str] = ()
-    named: bool = True
+    first: Sequence[str] = ()
+    explained: bool = False
     channels: Sequence[str] = ()
 
     @property
@@ -99,14 +99,13 @@ Rule = Callable[[Context], Iterator[str]]
 def warnings(context: Context, rules: Sequence[Rule] | None = None) -> list[str]:
     """The sentences of the rules that apply to an estimate; None: of all rules for photographs."""
     spoken = RULES if rules is None else rules
-    return [*context.selection, *(warning for rule in spoken for warning in rule(context))]
+    return [*context.first, *(warning for rule in spoken for warning in rule(context))]
 
 
 def _not_described(context: Context) -> Iterator[str]:
-    """Of a model that `auto` chose its own sentence says so."""
     bars, subject = context.posterior.bars, context.account.subject
     times = math.sqrt(bars.chi2)
-    if context.named and not bars.holds and times > _FAR_FROM_NOISE:
+    if not context.explained and not bars.holds and times > _FAR_FROM_NOISE:
         yield (
             f"The model does not describe the {subject}: residuals are {times:.3g} times the noise. Try --model auto, "
             f"or check what is stated of these {subject}."

@@ -19,6 +19,7 @@ from matest.samples import Batch, Tile, Tiles
 from matest.samples.calibration import Displaced
 from matest.samples.likelihood import LeastSquares
 from matest.samples.residual_scale import ResidualScale
+from matest.scene import Points
 from matest.shading import shade
 
 
@@ -29,10 +30,12 @@ class Tangent:
     Attributes:
         radiance: [n, C].
         jacobian: its derivatives by the Q unknowns that the group of each sample touches [C, Q, n].
+        points: geometry and light under the errors.
     """
 
     radiance: Tensor
     jacobian: Tensor
+    points: Points
 
 
 class CalibratedModel:
@@ -67,7 +70,8 @@ class CalibratedModel:
             ]
         with torch.no_grad():
             by_material = self._by_material(displaced, batch) * displaced.slope(true).T[:, None]
-            return Tangent(radiance.detach(), torch.cat([by_material, torch.stack(by_channel)], dim=1))
+            jacobian = torch.cat([by_material, torch.stack(by_channel)], dim=1)
+            return Tangent(radiance.detach(), jacobian, displaced.points)
 
     def _values(self, batch: Batch) -> Tensor:
         """The errors that each sample is under [n, q]."""

@@ -102,10 +102,24 @@ def _optima(starts: Sequence[Solution], tiles: list[Tile]) -> list[Solution]:
     return optima
 
 
-def follow(problem: Problem, start: Tensor, tiles: list[Tile], optima: Sequence[Solution] = ()) -> Solution:
-    """The optimum of the likelihood that a start u [P] leads to, or a solution near one of the `optima`."""
+def follow(
+    problem: Problem,
+    start: Tensor,
+    tiles: list[Tile],
+    optima: Sequence[Solution] = (),
+    expansions: int | None = None,
+) -> Solution:
+    """The optimum of the likelihood that a start u [P] leads to, or a solution near one of the `optima`.
+
+    Args:
+        problem: what is estimated.
+        start: u [P].
+        tiles: the samples.
+        optima: that are known.
+        expansions: of the likelihood, at most; None: as many as it takes.
+    """
     unknowns, move = start, 1.0
-    for _ in range(_CALIBRATED_EXPANSIONS if problem.nuisances else _MAX_EXPANSIONS):
+    for _ in range(expansions or (_CALIBRATED_EXPANSIONS if problem.nuisances else _MAX_EXPANSIONS)):
         # The next expansion moves the optimum too: no use in knowing this one much better than that.
         tolerance = min(max(_TOLERANCE_SHARE * move, _MIN_TOLERANCE), _MAX_TOLERANCE)
         solution = _descend(problem, unknowns, unknowns, tiles, tolerance)

@@ -52,7 +52,8 @@ class PhotographCalibration:
         stride = blur_stride(float(variance.detach().mean()))
         around, inside = self._worlds.grid.around(batch.pixels, stride)
         with torch.no_grad():
-            copies = {name: part.repeat(len(around), 1) for name, part in parts.items()}
+            # Errors that are 0 change nothing.
+            copies = {name: part.repeat(len(around), 1) for name, part in parts.items() if bool(part.any())}
             beside = self._acted(self._world(batch, around.flatten(), stride), copies)
         return replace(displaced, weights=blur_weights(variance[:, 0], stride, inside), around=beside)
 

@@ -12,6 +12,8 @@ from matest.errors import InputError, nearest
 
 # The word that names every family.
 ALL = "all"
+# The word that stands for the families that explain residuals.
+FOUND = "auto"
 # Largest angles, rad: 11° is more than anyone would state, and half a degree taken for radians lies above it.
 _ANGLE = 0.2
 # Largest uncertainties of a black level, fraction of full scale, and of a gamma: more leaves nothing to be stated.
@@ -141,7 +143,7 @@ class Uncertainty:
 
 
 def families(names: str | Iterable[str]) -> tuple[str, ...]:
-    """Names of families of errors, each once; "all" stands for every one.
+    """Names of families of errors, each once; "all" becomes every one, "auto" stays.
 
     Args:
         names: of `NAMES` or `PARTS`, several or one text that commas separate.
@@ -156,7 +158,7 @@ def families(names: str | Iterable[str]) -> tuple[str, ...]:
     names = tuple(dict.fromkeys(names))
     if "" in names:
         raise InputError("it names no errors; name some, as direction,intensity, or leave it out.")
-    refuse_unknown(name for name in names if name != ALL and whole(name) == name)
+    refuse_unknown(name for name in names if name not in (ALL, FOUND) and whole(name) == name)
     return tuple(NAMES) if ALL in names else names
 
 

@@ -1,0 +1,58 @@
+"""From a fit to one with the errors of the calibration that are to be estimated, and what residuals are due to then."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+from matest.estimation.calibration import Calibration
+from matest.estimation.diagnosis import Cause, causes
+from matest.estimation.options import Options
+from matest.estimators import Solution
+from matest.progress import Progress
+from matest.samples.account import CalibratedSamples
+from matest.samples.uncertainty import Uncertainty
+
+
+class Refined(NamedTuple):
+    """A fit, and what is known of the calibration's errors.
+
+    Attributes:
+        solution: with those that were to be estimated.
+        calibration: which errors are reckoned with.
+        causes: of residuals, the one that explains most first.
+    """
+
+    solution: Solution
+    calibration: Calibration
+    causes: list[Cause]
+
+
+def refined(
+    solution: Solution, samples: CalibratedSamples, options: Options, stated: Uncertainty, progress: Progress
+) -> Refined:
+    """The fit with the errors that options name, or, where they leave that open, with those that explain residuals.
+
+    Error bars reckon with errors that explain residuals and are not estimated as with stated ones.
+
+    Args:
+        solution: of the material alone.
+        samples: that were fitted.
+        options: what to refine.
+        stated: of the capture.
+        progress: called with a word on what is being done.
+
+    Raises:
+        InputError: errors to refine that have no effect.
+    """
+    calibration = Calibration.of(options, stated, samples, solution.problem)
+    solution = calibration.refine(solution, samples, options.seed, progress)
+    found = causes(solution, samples, options.seed, progress)
+    if options.refines_found and (sizes := {cause.family: abs(cause.size or 0) for cause in found if cause.refinable}):
+        calibration = calibration.refining(sizes)
+        solution = calibration.refine(solution, samples, options.seed, progress)
+        settled = [replace(cause, refined=True) for cause in found if cause.refinable]
+        rest = causes(solution, samples, options.seed, progress)
+        found = [*settled, *rest]
+    unsettled = {cause.family: abs(cause.size) for cause in found if cause.size and not cause.refined}
+    return Refined(solution, calibration.with_found(unsettled), found)
