@@ -12,6 +12,7 @@ from matest.errors import InputError, errors_of
 from matest.estimation.calibration import Calibration
 from matest.estimation.freeing import determined_by_images, widened
 from matest.estimation.options import AUTO, Options, Value
+from matest.estimation.photographs import photograph_fits
 from matest.estimation.prediction import relative_error
 from matest.estimation.remarks import message, skipped, unread_samples
 from matest.estimation.result import Estimate, Fit
@@ -107,6 +108,10 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
     calibration = Calibration.of(options, capture.stated_uncertainty, samples, solution.problem)
     solution = calibration.refine(solution, samples, options.seed, progress)
     posterior = judge(solution, samples, budget=calibration.budget(solution, samples, options.seed))
+    images = photograph_fits(solution, samples, capture.scene, options.seed)
+    context = Context(
+        samples, specification, solution, posterior, options.precision, said, named=selection is None, images=images
+    )
     sentence = message(solution, posterior.bars, unread_samples(samples, solution))
     material = solution.problem.material(solution.unknowns)
     held_out = sorted({*options.holdout})
@@ -127,10 +132,9 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         timing_s={**{stage: capture.timing.get(stage, 0.0) for stage in ("read", "geometry")}, "fit": fit_s},
         holdout=holdout,
         nuisance=calibration.estimates(solution, posterior, samples),
+        images=images,
         residual_scale=solution.residual_scale,
-        warnings=warnings(
-            Context(samples, specification, solution, posterior, options.precision, said, named=selection is None)
-        ),
+        warnings=warnings(context),
     )
 
 

@@ -12,6 +12,7 @@ import torch
 from matest.brdf import Brdf, model
 from matest.errors import InputError
 from matest.estimation.calibration import NuisanceEstimate
+from matest.estimation.photographs import PhotographFit
 from matest.inference.quantities import ParameterEstimate, channel_names
 from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
 
@@ -89,6 +90,7 @@ class Estimate:
         relative: the common scale of the lights is unknown, and that of albedo-like parameters with it.
         candidates: models tried by `auto`.
         nuisance: errors of the calibration that were refined or allowed for, by family.
+        images: how well each fitted photograph is described, in their order; empty for a table.
         skipped: what was not computed, and why: components, samples, work.
         timing_s: seconds per stage.
         holdout: images left out of the fit and the error there.
@@ -108,6 +110,7 @@ class Estimate:
     relative: bool
     candidates: list[Candidate] = field(default_factory=list)
     nuisance: dict[str, NuisanceEstimate] = field(default_factory=dict)
+    images: list[PhotographFit] = field(default_factory=list)
     skipped: dict[str, Any] = field(default_factory=dict)
     timing_s: dict[str, float] = field(default_factory=dict)
     holdout: dict[str, Any] | None = None
@@ -153,6 +156,7 @@ class Estimate:
             "fit": asdict(self.fit),
             "candidates": [asdict(candidate) for candidate in self.candidates],
             "nuisance": {name: asdict(errors) for name, errors in self.nuisance.items()},
+            "images": [asdict(image) for image in self.images],
             "skipped": self.skipped,
             "timing_s": self.timing_s,
         }

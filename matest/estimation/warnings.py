@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from matest.estimation.odd_image import spoiling_image
+from matest.estimation.photographs import PhotographFit, standing_out
 from matest.estimation.specification import Specification
 from matest.estimators import Solution
 from matest.inference.derived import shows_only_in_derived
@@ -51,6 +52,7 @@ class Context:
         selection: what is to be said of the choice of the model.
         named: whether the user named the model.
         channels: names of the channels; empty: R, G, B, or numbers.
+        images: how well each photograph is described.
     """
 
     samples: AccountedSamples
@@ -61,6 +63,7 @@ class Context:
     selection: Sequence[str] = ()
     named: bool = True
     channels: Sequence[str] = ()
+    images: Sequence[PhotographFit] = ()
 
     @property
     def account(self) -> Account:
@@ -183,7 +186,13 @@ def _twin_images(context: Context) -> Iterator[str]:
         )
 
 
-def _odd_image(context: Context) -> Iterator[str]:
+def _odd_images(context: Context) -> Iterator[str]:
+    """Of an image whose light explains what is odd this is said, of another what leaving it out would bring."""
+    said = [*standing_out(context.images)]
+    yield from said or _spoiling_image(context)
+
+
+def _spoiling_image(context: Context) -> Iterator[str]:
     bars = context.posterior.bars
     odd = (
         None if bars.holds or bars.chi2 < _SPOILT_CHI2 else spoiling_image(context.solution.statistics, context.samples)
@@ -341,7 +350,7 @@ RULES: tuple[Rule, ...] = (
     _copied_channels,
     _idle_images,
     _twin_images,
-    _odd_image,
+    _odd_images,
     _empty_images,
     _outliers,
     _missed_angles,
