@@ -15,6 +15,7 @@ from matest.estimation.options import AUTO, Options, Value
 from matest.estimation.photographs import photograph_fits
 from matest.estimation.prediction import relative_error
 from matest.estimation.remarks import message, skipped, unread_samples
+from matest.estimation.residual_angles import residuals_by_angle
 from matest.estimation.result import Estimate, Fit
 from matest.estimation.selection import select
 from matest.estimation.specification import Specification, expression_of, freed, specify_unknowns
@@ -22,6 +23,7 @@ from matest.estimation.verdict import sentences
 from matest.estimation.warnings import Context, warnings
 from matest.estimators import Solution, fit
 from matest.inference.error_bars import ErrorBars
+from matest.inference.image_errors import few_samples
 from matest.inference.posterior import judge, judge_to_first_order
 from matest.progress import Progress, silent
 from matest.samples import Samples
@@ -108,7 +110,8 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
     calibration = Calibration.of(options, capture.stated_uncertainty, samples, solution.problem)
     solution = calibration.refine(solution, samples, options.seed, progress)
     posterior = judge(solution, samples, budget=calibration.budget(solution, samples, options.seed))
-    images = photograph_fits(solution, samples, capture.scene, options.seed)
+    drawn = few_samples(samples, options.seed)
+    images = photograph_fits(solution, samples, capture.scene, drawn)
     context = Context(
         samples, specification, solution, posterior, options.precision, said, named=selection is None, images=images
     )
@@ -134,6 +137,7 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         nuisance=calibration.estimates(solution, posterior, samples),
         images=images,
         residual_scale=solution.residual_scale,
+        residuals=residuals_by_angle(solution, drawn[0]),
         warnings=warnings(context),
     )
 

@@ -12,8 +12,9 @@ from torch.nn.functional import normalize
 
 from matest.estimators import Solution
 from matest.inference.image_errors import ImageErrors, image_errors
+from matest.samples import Batch
 from matest.samples.account import CalibratedSamples
-from matest.scene import Scene
+from matest.scene import Light, Scene
 
 # With fewer images the others do not tell which one is odd.
 _MIN_IMAGES = 3
@@ -61,8 +62,8 @@ class PhotographFit:
         file: its name.
         relative_rmse: rms residual over rms signal of its usable values, as in `Fit`.
         level: factor by which it is brighter than a model of the other photographs predicts, if its light may also
-            stand elsewhere; by weighted least squares.
-        level_std: standard error of the factor.
+            stand elsewhere; by weighted least squares; None where they do not tell.
+        level_std: standard error of the factor; None likewise.
         reduced_chi2: mean squared residual in units of the noise variance.
         direction: the turn of its light; None where it has none, or no small turn explains what is odd about it.
         stands_out: what is odd beside the others: "level", "direction", "misfit" (which neither explains) or nothing.
@@ -71,26 +72,30 @@ class PhotographFit:
 
     file: str
     relative_rmse: float
-    level: float
-    level_std: float
+    level: float | None
+    level_std: float | None
     reduced_chi2: float
     direction: Turn | None
     stands_out: str = ""
     times: float = 0.0
 
 
-def photograph_fits(solution: Solution, samples: CalibratedSamples, scene: Scene, seed: int) -> list[PhotographFit]:
+def photograph_fits(
+    solution: Solution, samples: CalibratedSamples, scene: Scene, drawn: tuple[Batch, float]
+) -> list[PhotographFit]:
     """How well each of the fitted photographs is described; those without a usable pixel are left out.
 
     Args:
         solution: of the fit.
         samples: that were fitted.
         scene: that they are photographs of.
-        seed: of the random part of the samples that tells of level and direction.
+        drawn: `few_samples`, which tell of level and direction.
     """
-    errors, account = image_errors(solution, samples, seed, _oddest), samples.account
+    errors, account = image_errors(solution, samples, drawn, _oddest), samples.account
     by_image = solution.statistics.regrouped(samples.groups.image)
     row_of = {int(label): row for row, label in enumerate(by_image.labels)}
+    positions = scene.surface.positions
+    middle = None if positions is None else positions.double().mean(0, keepdim=True)
     fits = []
     for row, position in enumerate(errors.images.tolist()):
         image, scores = account.images[position], by_image.only(row_of[position])
@@ -99,10 +104,10 @@ def photograph_fits(solution: Solution, samples: CalibratedSamples, scene: Scene
             PhotographFit(
                 file=account.names[image],
                 relative_rmse=scores.relative_rmse,
-                level=1 + float(errors.excess[row]),
-                level_std=float(errors.excess_std[row]),
+                level=_known(1 + errors.excess[row]),
+                level_std=_known(errors.excess_std[row]),
                 reduced_chi2=scores.reduced_chi2,
-                direction=_turn(errors, row, scene, image),
+                direction=_turn(errors, row, scene.lights[image], middle),
                 stands_out=kind,
                 times=times,
             )
@@ -110,13 +115,16 @@ def photograph_fits(solution: Solution, samples: CalibratedSamples, scene: Scene
     return fits
 
 
-def _turn(errors: ImageErrors, row: int, scene: Scene, image: int) -> Turn | None:
-    lights, positions = scene.lights[image], scene.surface.positions
+def _known(value: Tensor) -> float | None:
+    return None if bool(value.isnan()) else float(value)
+
+
+def _turn(errors: ImageErrors, row: int, lights: Sequence[Light], middle: Tensor | None) -> Turn | None:
+    """The turn of the lights of an image about the object's middle [1, 3]; None: all are distant."""
     if bool(errors.turn[row].isnan().any()):
         return None
     toward = None
     if len(lights) == 1:
-        middle = None if positions is None else positions.double().mean(0, keepdim=True)
         stated = lights[0].at(middle)[0][0].double()
         toward = normalize(stated + torch.linalg.cross(errors.turn[row], stated), dim=0).tolist()
     return Turn(math.degrees(float(errors.angle[row])), math.degrees(float(errors.turn_std[row])), toward)
@@ -188,7 +196,7 @@ def _oddity(fit: PhotographFit) -> str:
     """What is odd about a photograph, as a clause."""
     if fit.stands_out == "direction" and fit.direction is not None:
         return f"{fit.file}'s light stands {fit.direction.degrees:.2g}° off"
-    if fit.stands_out == "misfit":
+    if fit.stands_out == "misfit" or fit.level is None:
         return f"{fit.file} is explained by no level and no turn of its light"
     per_cent = 100 * abs(fit.level - 1)
     much = f"{per_cent:.2g}" if per_cent < _ROUNDED else f"{per_cent:.0f}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from matest.brdf import Brdf, model
 from matest.errors import InputError
 from matest.estimation.calibration import NuisanceEstimate
 from matest.estimation.photographs import PhotographFit
+from matest.estimation.residual_angles import AngularResiduals
 from matest.inference.quantities import ParameterEstimate, channel_names
 from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
 
@@ -98,6 +100,7 @@ class Estimate:
         warnings: sentences.
         channel_labels: names of the channels; empty: R, G, B, or numbers.
         residual_scale: by which outliers were judged.
+        residuals: of some samples by "half angle" and "angle of incidence"; empty for a table.
     """
 
     capture: str
@@ -118,6 +121,7 @@ class Estimate:
     warnings: list[str] = field(default_factory=list)
     channel_labels: tuple[str, ...] = ()
     residual_scale: ResidualScale = NOISE_ALONE
+    residuals: Mapping[str, AngularResiduals] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         values = ", ".join(f"{name}={p.value} ± {p.std} ({p.status})" for name, p in self.parameters.items())

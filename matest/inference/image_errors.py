@@ -22,14 +22,16 @@ from matest.samples.calibration import Calibration, Displaced, Family
 from matest.samples.tiles import in_memory
 
 # Pixels that are enough to tell the brightness of an image to some tenths of a per cent, and samples of all images.
-_PIXELS = 1_500
-_SAMPLES = 15_000
+_PIXELS = 1_000
+_SAMPLES = 12_000
 # The errors of each image by itself that are looked for.
 _KINDS = ("exposure", "rotation")
 # Standard deviation of their priors, which keep what an image says nothing of at 0.
 _ANY = 1.0
 # Larger turns, rad, are not told: what they do is not in proportion.
 _LARGEST_TURN = math.radians(20)
+# Standard error above which it is not told how bright an image is: a single one may be of any level.
+_UNKNOWN = 0.1
 # Share of the information on the turn of a light about one axis below which a turn about another has no effect.
 _IDLE = 1e-4
 # Walks over the samples, of which the later ones are about the errors that stand out.
@@ -42,8 +44,8 @@ class ImageErrors:
 
     Attributes:
         images: position among the fitted ones, int64 [I]; those without a usable value are left out.
-        excess: share by which an image is brighter than it should be [I].
-        excess_std: its standard error [I].
+        excess: share by which an image is brighter than it should be [I]; NaN where the others do not tell.
+        excess_std: its standard error [I]; NaN likewise.
         turn: rotation of its lights about x, y and z that explains its residual best, rad [I, 3]; NaN where it has no
             light, or only a large one would.
         turn_std: standard error of the angle, rad [I]; NaN likewise.
@@ -70,7 +72,12 @@ class ImageErrors:
 Odd = Callable[[ImageErrors], int | None]
 
 
-def image_errors(solution: Solution, samples: CalibratedSamples, seed: int, odd: Odd) -> ImageErrors:
+def few_samples(samples: CalibratedSamples, seed: int) -> tuple[Batch, float]:
+    """The samples of all images at some random pixels that tell of single images, and by how much there are more."""
+    return samples.of_pixels(max(min(_PIXELS, _SAMPLES // samples.groups.images), 1), seed)
+
+
+def image_errors(solution: Solution, samples: CalibratedSamples, drawn: tuple[Batch, float], odd: Odd) -> ImageErrors:
     """The errors of each image by itself, from a random part of the samples.
 
     The first to stand out is freed, which changes what is expected of the others, then the next. Errors of the
@@ -79,15 +86,14 @@ def image_errors(solution: Solution, samples: CalibratedSamples, seed: int, odd:
     Args:
         solution: of the fit.
         samples: that were fitted.
-        seed: of the random draw.
+        drawn: `few_samples` of these.
         odd: tells which image stands out.
     """
     own = _OwnErrors.of(solution.problem, samples)
     problem = solution.problem.calibrated(
         own, dict.fromkeys((family.name for family in own.families), _ANY), samples.groups
     ).with_priors(solution.problem.spreads)
-    drawn, times = samples.of_pixels(min(_PIXELS, _SAMPLES // samples.groups.images), seed)
-    batch, share = by_image(drawn, samples.groups), 1 / times
+    batch, share = by_image(drawn[0], samples.groups), 1 / drawn[1]
     unknowns = torch.cat([solution.unknowns, problem.anywhere[solution.problem.size :]])
     unknowns = _by_typical_brightness(problem, unknowns, batch)
     for _ in range(_MAX_WALKS):
@@ -240,7 +246,7 @@ class _Walk:
 
     def _values(self, found: ImageErrors, row: int) -> Tensor:
         """The errors of an image, in the order of its unknowns."""
-        return torch.cat([found.excess[row, None], found.turn[row].nan_to_num()])[: self._own.shape[1]]
+        return torch.cat([found.excess[row, None], found.turn[row]]).nan_to_num()[: self._own.shape[1]]
 
     def _with(self, freed: Sequence[int]) -> ImageErrors:
         """The errors of each image where only it and some others have any."""
@@ -254,6 +260,8 @@ class _Walk:
             if float(own.errors[1:].norm()) > _LARGEST_TURN or bool((own.stds[1:] > _LARGEST_TURN).any()):
                 own = self._of_image(row, self._own[row, :1], others)
             values[row, : len(own.errors)], stds[row, : len(own.stds)], left[row] = own
+        unknown = stds[:, 0] > _UNKNOWN
+        values[unknown, 0] = stds[unknown, 0] = math.nan
         return ImageErrors(self._images, values[:, 0], stds[:, 0], values[:, 1:], stds[:, 1], left, is_freed)
 
     def _of_image(self, row: int, places: Tensor, others: Tensor) -> _OfImage:

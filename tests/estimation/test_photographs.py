@@ -128,6 +128,12 @@ def test_lights_of_an_image_turn_together() -> None:
     assert found.images[1].direction.toward == pytest.approx(second.direction.tolist(), abs=math.radians(1))
 
 
+def test_a_single_photograph_has_no_level() -> None:
+    found = matest.estimate(one_image(photographed(CLAY, exact, seed=0), 0), "oren-nayar")
+    assert (found.images[0].level, found.images[0].level_std) == (None, None)
+    assert found.images[0].relative_rmse == pytest.approx(found.fit.relative_rmse)
+
+
 def test_a_sky_has_no_direction() -> None:
     studio = Studio(size=24, lights=Studio().lights[:3], ambient=0.5)
     capture = studio.expose(0.6 * 0.5 * np.ones_like(studio.clean(Lambert(0.6))), 0)
