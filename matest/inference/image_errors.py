@@ -13,7 +13,6 @@ from torch import Tensor
 
 from matest.estimators import Problem, Solution, Statistics, accumulate, at_bound
 from matest.estimators.calibrated import CalibratedModel
-from matest.estimators.covariance import fisher
 from matest.estimators.levenberg_marquardt import moved
 from matest.inference.budget import by_image
 from matest.samples import Batch, Groups
@@ -34,6 +33,14 @@ _LARGEST_TURN = math.radians(20)
 _UNKNOWN = 0.1
 # Share of the information on the turn of a light about one axis below which a turn about another has no effect.
 _IDLE = 1e-4
+# Share of the information that is rounding, of single precision.
+_ROUNDING = 1e-6
+_TINY = 1e-300
+# Share of its rms radiance from which on a model is bright, and how many times as bright an image may be at first.
+_BRIGHT = 0.5
+_BRIGHTEST = 5.0
+# Share of a material's unknowns by which they move at once.
+_FARTHEST = 0.2
 # Walks over the samples, of which the later ones are about the errors that stand out.
 _MAX_WALKS = 2
 
@@ -158,13 +165,25 @@ def _own(kind: str) -> str:
 
 def _by_typical_brightness(problem: Problem, unknowns: Tensor, batch: Batch) -> Tensor:
     """Unknowns [P] under which each image is as bright as most of its values: an odd one's are no outliers then."""
-    model = CalibratedModel(problem, unknowns).radiance(batch)
-    ratio = (batch.radiance / model.clamp(min=torch.finfo(model.dtype).tiny)).median(dim=1).values.cpu()
-    image, out = problem.groups.image_of(batch), unknowns.clone()
-    places = problem.where[_own(_KINDS[0])]
+    model = CalibratedModel(problem, unknowns).radiance(batch).mean(1)
+    measured, image = batch.radiance.mean(1), problem.groups.image_of(batch)
+    start, out = problem.where[_own(_KINDS[0])].start, unknowns.clone()
     for each in image.unique().tolist():
-        out[places.start + each] = float(ratio[image == each].median()) - 1
+        seen = model[image == each]
+        # Where the model is dark, noise is all that there is.
+        bright = seen > _BRIGHT * seen.square().mean().sqrt()
+        if bool(bright.any()):
+            ratio = measured[image == each][bright] / seen[bright]
+            out[start + each] = float(ratio.median().clamp(0, _BRIGHTEST)) - 1
     return out
+
+
+def _inverse(information: Tensor, free: Tensor) -> Tensor:
+    """The inverse [P, P] over the unknowns that are free [P]; directions of no information are as good as free."""
+    informed = free & (information.diagonal() > 0)
+    scale = torch.where(informed, information.diagonal().clamp(min=_TINY).rsqrt(), 0.0)
+    scaled = information * scale[:, None] * scale + _ROUNDING * torch.eye(len(scale), dtype=torch.float64)
+    return torch.linalg.inv(scaled) * scale[:, None] * scale
 
 
 def _own_places(problem: Problem, images: Tensor) -> Tensor:
@@ -205,11 +224,12 @@ class _Walk:
         free = ~at_bound(solution.problem, unknowns[:size], gradient[:size])
         for block in solution.problem.nuisances:
             free[solution.problem.where[block.name]] = False
-        inverse = fisher(information[:size, :size], free).matrix
+        inverse = _inverse(information[:size, :size], free)
         cross = information[size:, :size]
         self._gain = inverse @ cross.T
         self._step = inverse @ gradient[:size]
-        self._information = information[size:, size:] - cross @ self._gain
+        rounding = _ROUNDING * information[size:, size:].diagonal().diag()
+        self._information = information[size:, size:] - cross @ self._gain + rounding
         # What the slope is where no image has errors of its own.
         at_zero = gradient[size:] - cross @ self._step
         self._slope = at_zero + self._information @ unknowns[size:]
@@ -239,6 +259,9 @@ class _Walk:
         for row in freed:
             values[self._own[row]] = self._values(found, row)
         material = self._step - self._gain @ (values - self._unknowns[self._size :])
+        # Far away nothing is linear.
+        farthest = _FARTHEST * (self._unknowns[: self._size].abs() + _FARTHEST)
+        material = material / max(float((material.abs() / farthest).max()), 1.0)
         unknowns = moved(self._problem, self._unknowns, torch.cat([material, torch.zeros_like(values)]))
         for row in range(len(found.images)):
             unknowns[self._size + self._own[row]] = self._values(found, row)
@@ -260,7 +283,7 @@ class _Walk:
             if float(own.errors[1:].norm()) > _LARGEST_TURN or bool((own.stds[1:] > _LARGEST_TURN).any()):
                 own = self._of_image(row, self._own[row, :1], others)
             values[row, : len(own.errors)], stds[row, : len(own.stds)], left[row] = own
-        unknown = stds[:, 0] > _UNKNOWN
+        unknown = ~(stds[:, 0] < _UNKNOWN)
         values[unknown, 0] = stds[unknown, 0] = math.nan
         return ImageErrors(self._images, values[:, 0], stds[:, 0], values[:, 1:], stds[:, 1], left, is_freed)
 
