@@ -17,7 +17,7 @@ from matest.shading import shade
 
 # Classes of an angle, and samples of a class that are enough.
 _CLASSES = 30
-_FEW = 30
+_FEW = 10
 
 
 @dataclass(frozen=True, eq=False)

@@ -140,7 +140,7 @@ def _photographs(estimate: Estimate) -> str:
     if not estimate.images:
         return ""
     head, body, odd = photographs.photograph_table(estimate.images)
-    legend = photographs.not_shown(estimate.images) + photographs.LEGEND
+    legend = f"{photographs.not_shown(estimate.images)}{photographs.LEGEND} {photographs.ODD_LEGEND if odd else ''}"
     table = html_table(head, body, "numbers", odd)
     return f'<h2>{photographs.TITLE}</h2>\n{table}<p class="lead">{escape(legend)}</p>'
 

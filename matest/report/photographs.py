@@ -15,9 +15,9 @@ _ODD_COLUMN = "times the usual"
 TITLE = "Photographs, worst first"
 LEGEND = (
     "Level: the factor by which a photograph is brighter than the others say. Turn: by how much, and to where, its "
-    "light would have to move to explain its residual best, if its level may be wrong too (-: no turn up to 20° does). "
-    "Usual is what the other photographs are off."
+    "light would have to move to explain its residual best, if its level may be wrong too (-: no turn up to 20° does)."
 )
+ODD_LEGEND = "The last column: how many times as far off as is usual among the others."
 # Photographs in a table.
 _MAX_ROWS = 12
 # Standard errors from which on it is said where to a light turns.

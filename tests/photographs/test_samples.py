@@ -151,7 +151,7 @@ def test_samples_show_how_many_photographs_values_and_channels_they_are() -> Non
 
 
 def test_samples_of_a_few_pixels_lie_in_the_memory_of_the_processor() -> None:
-    capture = photograph(sphere_scene(lights=((0.0, 0.0, 1.0), (0.5, 0.2, 0.84))))
+    capture = photograph(sphere_scene())
     here, _ = capture.samples().of_pixels(20, seed=0)
     elsewhere, _ = capture.samples(device="meta").of_pixels(20, seed=0)
     assert elsewhere.radiance.device.type == "cpu"
