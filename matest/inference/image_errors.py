@@ -280,7 +280,7 @@ class _Walk:
         for row in range(count):
             others = self._own[[other for other in freed if other != row]].flatten()
             own = self._of_image(row, self._own[row], others)
-            if float(own.errors[1:].norm()) > _LARGEST_TURN or bool((own.stds[1:] > _LARGEST_TURN).any()):
+            if not float(own.errors[1:].norm()) < _LARGEST_TURN or not bool((own.stds[1:] < _LARGEST_TURN).all()):
                 own = self._of_image(row, self._own[row, :1], others)
             values[row, : len(own.errors)], stds[row, : len(own.stds)], left[row] = own
         unknown = ~(stds[:, 0] < _UNKNOWN)
@@ -300,7 +300,7 @@ class _Walk:
         inflation = max((chi2 - gain) / max(values, 1.0), 1.0)
         variances = [covariance[0, 0]]
         if len(errors) > 1:
-            toward = torch.nn.functional.normalize(errors[1:], dim=0)
-            variances.append(toward @ covariance[1:, 1:] @ toward)
+            toward, of_turn = torch.nn.functional.normalize(errors[1:], dim=0), covariance[1:, 1:]
+            variances.append(toward @ of_turn @ toward if bool(toward.any()) else of_turn.diagonal().max())
         left = max(chi2 - gain + rejected, 0.0) / max(values + outliers, 1.0)
         return _OfImage(errors, (inflation * torch.stack(variances)).sqrt(), left)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from dataclasses import replace
@@ -132,6 +133,14 @@ def test_a_single_photograph_has_no_level() -> None:
     found = matest.estimate(one_image(photographed(CLAY, exact, seed=0), 0), "oren-nayar")
     assert (found.images[0].level, found.images[0].level_std) == (None, None)
     assert found.images[0].relative_rmse == pytest.approx(found.fit.relative_rmse)
+
+
+def test_black_photographs_say_nothing_of_their_lights() -> None:
+    capture = Studio(size=24).photograph(Lambert(0.6), 0)
+    black = changed(capture, stored=tuple(0 * values for values in capture.photographs.stored))
+    records = matest.estimate(black, "lambert").to_dict()["images"]
+    assert [(record["level"], record["direction"]) for record in records] == [(None, None)] * 6
+    json.dumps(records, allow_nan=False)
 
 
 def test_a_sky_has_no_direction() -> None:
