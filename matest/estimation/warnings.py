@@ -188,16 +188,11 @@ def _twin_images(context: Context) -> Iterator[str]:
 
 def _odd_images(context: Context) -> Iterator[str]:
     """Of an image whose light explains what is odd this is said, of another what leaving it out would bring."""
-    said = [*standing_out(context.images)]
-    yield from said or _spoiling_image(context)
-
-
-def _spoiling_image(context: Context) -> Iterator[str]:
-    bars = context.posterior.bars
-    odd = (
-        None if bars.holds or bars.chi2 < _SPOILT_CHI2 else spoiling_image(context.solution.statistics, context.samples)
-    )
-    if odd is not None:
+    bars, said = context.posterior.bars, [*standing_out(context.images)]
+    yield from said
+    if said or bars.holds or bars.chi2 < _SPOILT_CHI2:
+        return
+    if (odd := spoiling_image(context.solution.statistics, context.samples)) is not None:
         position, chi2 = odd
         image = context.account.images[position]
         yield (
