@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING, Any
 from matest.errors import InputError, errors_of
 from matest.estimation.freeing import determined_by_images, widened
 from matest.estimation.options import AUTO, Options, Value
+from matest.estimation.photographs import photograph_fits
 from matest.estimation.prediction import relative_error
 from matest.estimation.refining import refined
 from matest.estimation.remarks import message, skipped, unread_samples
 from matest.estimation.remedies import diagnoses
+from matest.estimation.residual_angles import residuals_by_angle
 from matest.estimation.result import Estimate, Fit
 from matest.estimation.selection import select
 from matest.estimation.specification import Specification, expression_of, freed, specify_unknowns
@@ -22,6 +24,7 @@ from matest.estimation.verdict import sentences
 from matest.estimation.warnings import Context, warnings
 from matest.estimators import Solution, fit
 from matest.inference.error_bars import ErrorBars
+from matest.inference.image_errors import few_samples
 from matest.inference.posterior import judge, judge_to_first_order
 from matest.progress import Progress, silent
 from matest.samples import Samples
@@ -106,15 +109,16 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         )
     solution, calibration, found = refined(solution, samples, options, capture.stated_uncertainty, progress)
     posterior = judge(solution, samples, budget=calibration.budget(solution, samples, options.seed))
+    drawn = few_samples(samples, options.seed)
+    images = photograph_fits(solution, samples, capture.scene, drawn)
     diagnosis = diagnoses(found)
     said = [one.message for one in diagnosis]
     if selection:
         said += sentences(selection, [*calibration.refined], explained=bool(found))
-    sentence = message(
-        solution, posterior.bars, unread_samples(samples, solution), random=all(cause.refined for cause in found)
-    )
     explained = bool(found) or selection is not None
-    context = Context(samples, specification, solution, posterior, options.precision, said, explained)
+    context = Context(samples, specification, solution, posterior, options.precision, said, explained, images=images)
+    random = all(cause.refined for cause in found)
+    sentence = message(solution, posterior.bars, unread_samples(samples, solution), random=random)
     material = solution.problem.material(solution.unknowns)
     held_out = sorted({*options.holdout})
     holdout = _holdout(capture, material, held_out)
@@ -135,7 +139,9 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         holdout=holdout,
         nuisance=calibration.estimates(solution, posterior, samples),
         diagnosis=diagnosis,
+        images=images,
         residual_scale=solution.residual_scale,
+        residuals=residuals_by_angle(solution, drawn[0]),
         warnings=warnings(context),
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,9 @@ import torch
 from matest.brdf import Brdf, model
 from matest.errors import InputError
 from matest.estimation.calibration import NuisanceEstimate
+from matest.estimation.photographs import PhotographFit
 from matest.estimation.remedies import Diagnosis
+from matest.estimation.residual_angles import AngularResiduals
 from matest.inference.quantities import ParameterEstimate, channel_names
 from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
 
@@ -91,6 +94,7 @@ class Estimate:
         candidates: models tried by `auto`.
         nuisance: errors of the calibration that were refined or allowed for, by family.
         diagnosis: causes of residuals, the one that explains most first; empty where they are random.
+        images: how well each fitted photograph is described, in their order; empty for a table.
         skipped: what was not computed, and why: components, samples, work.
         timing_s: seconds per stage.
         holdout: images left out of the fit and the error there.
@@ -98,6 +102,7 @@ class Estimate:
         warnings: sentences.
         channel_labels: names of the channels; empty: R, G, B, or numbers.
         residual_scale: by which outliers were judged.
+        residuals: of some samples by "half angle" and "angle of incidence"; empty for a table.
     """
 
     capture: str
@@ -111,6 +116,7 @@ class Estimate:
     candidates: list[Candidate] = field(default_factory=list)
     nuisance: dict[str, NuisanceEstimate] = field(default_factory=dict)
     diagnosis: list[Diagnosis] = field(default_factory=list)
+    images: list[PhotographFit] = field(default_factory=list)
     skipped: dict[str, Any] = field(default_factory=dict)
     timing_s: dict[str, float] = field(default_factory=dict)
     holdout: dict[str, Any] | None = None
@@ -118,6 +124,7 @@ class Estimate:
     warnings: list[str] = field(default_factory=list)
     channel_labels: tuple[str, ...] = ()
     residual_scale: ResidualScale = NOISE_ALONE
+    residuals: Mapping[str, AngularResiduals] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         values = ", ".join(f"{name}={p.value} ± {p.std} ({p.status})" for name, p in self.parameters.items())
@@ -157,6 +164,7 @@ class Estimate:
             "candidates": [asdict(candidate) for candidate in self.candidates],
             "nuisance": {name: asdict(errors) for name, errors in self.nuisance.items()},
             "diagnosis": [asdict(cause) for cause in self.diagnosis],
+            "images": [asdict(image) for image in self.images],
             "skipped": self.skipped,
             "timing_s": self.timing_s,
         }

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from matest.estimation.odd_image import spoiling_image
+from matest.estimation.photographs import PhotographFit, standing_out
 from matest.estimation.specification import Specification
 from matest.estimators import Solution
 from matest.inference.derived import shows_only_in_derived
@@ -51,6 +52,7 @@ class Context:
         first: what is to be said before all else: causes of residuals, and the choice of the model.
         explained: whether that says why the model does not hold.
         channels: names of the channels; empty: R, G, B, or numbers.
+        images: how well each photograph is described.
     """
 
     samples: AccountedSamples
@@ -61,6 +63,7 @@ class Context:
     first: Sequence[str] = ()
     explained: bool = False
     channels: Sequence[str] = ()
+    images: Sequence[PhotographFit] = ()
 
     @property
     def account(self) -> Account:
@@ -182,12 +185,13 @@ def _twin_images(context: Context) -> Iterator[str]:
         )
 
 
-def _odd_image(context: Context) -> Iterator[str]:
-    bars = context.posterior.bars
-    odd = (
-        None if bars.holds or bars.chi2 < _SPOILT_CHI2 else spoiling_image(context.solution.statistics, context.samples)
-    )
-    if odd is not None:
+def _odd_images(context: Context) -> Iterator[str]:
+    """Of an image whose light explains what is odd this is said, of another what leaving it out would bring."""
+    bars, said = context.posterior.bars, [*standing_out(context.images)]
+    yield from said
+    if said or bars.holds or bars.chi2 < _SPOILT_CHI2:
+        return
+    if (odd := spoiling_image(context.solution.statistics, context.samples)) is not None:
         position, chi2 = odd
         image = context.account.images[position]
         yield (
@@ -340,7 +344,7 @@ RULES: tuple[Rule, ...] = (
     _copied_channels,
     _idle_images,
     _twin_images,
-    _odd_image,
+    _odd_images,
     _empty_images,
     _outliers,
     _missed_angles,

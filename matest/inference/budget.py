@@ -55,7 +55,7 @@ def budget(
     """
     size = solution.problem.size
     unknowns = torch.cat([solution.unknowns, problem.anywhere[size:]])
-    batch = _by_image(next(iter(samples.batches(_SAMPLES, shuffle=True, seed=seed))), samples.groups)
+    batch = by_image(next(iter(samples.batches(_SAMPLES, shuffle=True, seed=seed))), samples.groups)
     factor = len(samples) / len(batch)
     statistics = accumulate(problem, unknowns, in_memory([batch]), unknowns, solution.residual_scale)
     sums = factor * replace(statistics, prior=None).information
@@ -71,7 +71,7 @@ def budget(
     return Budget(sums[:size, :size] + (0.0 if prior is None else prior.precision), scatters)
 
 
-def _by_image(batch: Batch, groups: Groups) -> Batch:
+def by_image(batch: Batch, groups: Groups) -> Batch:
     """The samples with one group an image: only sums over all of them are wanted, and pixels at random mix blocks."""
     first = torch.full((groups.images,), len(groups.image)).scatter_reduce(
         0, groups.image, torch.arange(len(groups.image)), "amin"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Sequence
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 
@@ -76,10 +77,14 @@ class PhotographSamples(LitPixels):
         return PhotographCalibration(self, self.groups, names)
 
     def of_pixels(self, count: int, seed: int) -> tuple[Batch, float]:
-        """All samples at about `count` random pixels of the surface, and by how much there are more of them."""
-        total = len(self.photographs.scene.surface)
+        """All samples at about `count` random pixels of the surface, and by how much there are more of them.
+
+        They lie in the memory of the processor, where errors of the calibration are computed.
+        """
+        total, here = len(self.photographs.scene.surface), copy(self)
+        here.device = "cpu"
         some = np.sort(np.random.default_rng(seed).permutation(total)[:count])
-        parts = [self.at(position, some[self.usable_at(position, some)]) for position in range(len(self.images))]
+        parts = [here.at(position, some[self.usable_at(position, some)]) for position in range(len(self.images))]
         return join([part for part in parts if len(part)]), total / len(some)
 
     def optics(self, quantity: Role) -> Tensor | None:

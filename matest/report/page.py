@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from html import escape
 
 from matest.estimation.result import Estimate
-from matest.report import calibration
+from matest.report import calibration, photographs
 from matest.report.format import (
     CANDIDATES_LEGEND,
     CANDIDATES_TITLE,
@@ -17,7 +17,7 @@ from matest.report.format import (
     share,
     stages,
 )
-from matest.report.pictures import RESIDUAL_RANGE
+from matest.report.pictures import MEAN_RANGE, MEAN_RESIDUAL, RESIDUAL_RANGE
 
 _STYLE = """
 :root { color-scheme: light dark; --line: #8884; --soft: #888; }
@@ -26,6 +26,7 @@ h1 { font-size: 1.5rem; margin-bottom: 0; } h2 { font-size: 1.1rem; margin-top: 
 .lead { color: var(--soft); margin-top: .2rem; }
 table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
 td:nth-child(2), td:nth-child(3) { white-space: nowrap; } table.words td:nth-child(3) { white-space: normal; }
+table.numbers td:nth-child(n+2) { white-space: nowrap; } table.numbers td { overflow-wrap: anywhere; }
 table.words td { overflow-wrap: anywhere; min-width: 4em; }
 th, td { text-align: left; padding: .3rem .8rem .3rem 0; border-bottom: 1px solid var(--line); vertical-align: top; }
 th, tr.bold td { font-weight: 600; } .warning { border-left: 4px solid #c80; padding-left: .8rem; margin: .4rem 0; }
@@ -51,6 +52,8 @@ def page(estimate: Estimate, files: list[str], step: int | None = 1) -> str:
         _fit(estimate),
         _holdout(estimate, files),
         candidates(estimate),
+        _photographs(estimate),
+        _residuals(estimate, len(files), step),
         _images(files, step),
         _skipped(estimate),
         f"<h2>Time</h2>\n<p>{escape(stages(estimate.timing_s))}</p>",
@@ -130,6 +133,32 @@ def candidates(estimate: Estimate) -> str:
     chosen = [row for row, each in enumerate(estimate.candidates) if each.chosen]
     table = html_table(("model", "error", "verdict"), body, "words", bold=chosen)
     return f'<h2>{CANDIDATES_TITLE}</h2>\n{table}<p class="lead">{CANDIDATES_LEGEND}</p>'
+
+
+def _photographs(estimate: Estimate) -> str:
+    """The photographs that were fitted, worst first; empty for a table."""
+    if not estimate.images:
+        return ""
+    head, body, odd = photographs.photograph_table(estimate.images)
+    legend = f"{photographs.not_shown(estimate.images)}{photographs.LEGEND} {photographs.ODD_LEGEND if odd else ''}"
+    table = html_table(head, body, "numbers", odd)
+    return f'<h2>{photographs.TITLE}</h2>\n{table}<p class="lead">{escape(legend)}</p>'
+
+
+def _residuals(estimate: Estimate, count: int, step: int | None) -> str:
+    """Residuals by angle, and their mean over the photographs where there are pictures and several of them."""
+    figures, legend = photographs.angle_drawings(estimate.residuals)
+    said = [f"<p>Residuals by angle: {legend}.</p>"] if figures else []
+    if step is not None and count > 1:
+        figures.append((f'<img src="{MEAN_RESIDUAL}" alt="mean residual" loading="lazy">', "mean over the photographs"))
+        said.append(
+            "<p>Mean over the photographs: where all of them are brighter (red) or darker (blue) than the model, full "
+            f"colour at {MEAN_RANGE:.0%} of the rms brightness.</p>"
+        )
+    if not figures:
+        return ""
+    shown = "".join(f"<figure>{drawn}<figcaption>{escape(text)}</figcaption></figure>" for drawn, text in figures)
+    return "\n".join(["<h2>Residuals</h2>", *said, f'<div class="images">{shown}</div>'])
 
 
 def _images(files: list[str], step: int | None) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import itertools
+import threading
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,6 +26,10 @@ from matest.workers import in_threads
 
 # Difference shown in full colour, as a share of the photograph's rms brightness: misfits of a tenth stand out.
 RESIDUAL_RANGE = 0.1
+# The same for the mean over the photographs.
+MEAN_RANGE = 0.05
+# The picture of that mean in the result folder.
+MEAN_RESIDUAL = "images/mean_residual.png"
 # Brightness of residual pictures where a pixel did not count, 8 bit.
 _GREY = 224
 
@@ -72,7 +77,8 @@ def write_pictures(
     radiance: bool = False,
     residual_scale: ResidualScale | None = None,
 ) -> None:
-    """`profile.csv` and, unless `size` says none, `images/NN_photo.png`, `NN_render.png`, `NN_residual.png`.
+    """`profile.csv` and, unless `size` says none, `images/NN_photo.png`, `NN_render.png`, `NN_residual.png`, and the
+    mean of the residuals, `mean_residual.png`.
 
     Photograph and render share one exposure. In the residual red is a photograph brighter than the model, blue a
     darker one, white agreement, grey a pixel that did not count. A clipped channel agrees with a model that lies beyond
@@ -92,8 +98,10 @@ def write_pictures(
     step = size.step(surface.shape)
     raster = Raster.of(surface, step) if step else None
     shown = np.concatenate([row, raster.index]) if raster else row
+    mean = None
     if raster:
         (folder / "images").mkdir(parents=True, exist_ok=True)
+        mean = _Mean(len(raster.index))
 
     def draw(number: int) -> list[tuple[str, np.ndarray]]:
         """Write the pictures of an image; returns its columns of the profile."""
@@ -104,13 +112,14 @@ def write_pictures(
         else:
             render = render_pixels(scene, number, material, torch.from_numpy(shown)).detach().numpy()
         photo = capture.radiance(number, shown)
-        if raster:
+        if raster and mean:
             measured, model = photo[len(row) :], render[len(row) :]
             idle = _clipped_alike(samples, number, raster.index, model)
             if residual_scale is not None:
                 idle |= _outliers(samples, number, raster.index, model, residual_scale)
             counts = samples.usable_at(number, raster.index) & ~idle.all(axis=1)
             difference = np.where(idle, 0, measured - model)
+            mean.add(_by_channel(difference).mean(axis=0) / _rms(measured), counts)
             for kind, picture in _pictures(measured, model, difference, counts, raster).items():
                 write_image(folder / "images" / f"{number:02d}_{kind}.png", picture)
         return [
@@ -120,6 +129,8 @@ def write_pictures(
 
     profiles = dict(itertools.chain.from_iterable(in_threads(draw, range(len(capture)))))
     write_columns(folder / "profile.csv", {"x": np.arange(width), **profiles})
+    if raster and mean:
+        write_image(folder / MEAN_RESIDUAL, raster.picture(mean.colours(), background=_GREY))
 
 
 def write_columns(path: Path, columns: dict[str, np.ndarray]) -> None:
@@ -175,10 +186,8 @@ def _pictures(
         raster: lays the pixels out.
     """
     # The brightest pixels, the highlight's apart, get 80 % of full scale.
-    white, scale = 1.0, 1.0
-    if len(photo):
-        white = float(np.quantile(_by_channel(photo).max(axis=0), 0.995)) or 1.0
-        scale = RESIDUAL_RANGE * float(np.sqrt(np.mean(photo**2))) or 1.0
+    white = (float(np.quantile(_by_channel(photo).max(axis=0), 0.995)) if len(photo) else 1.0) or 1.0
+    scale = RESIDUAL_RANGE * _rms(photo)
     residual = _diverging(_by_channel(difference).mean(axis=0) / scale)
     residual[~counts] = _GREY
     return {
@@ -186,6 +195,31 @@ def _pictures(
         "render": raster.picture(srgb(0.8 * render / white), background=0),
         "residual": raster.picture(residual, background=_GREY),
     }
+
+
+class _Mean:
+    """The mean over the photographs of what of each the material does not explain, of some pixels; for many threads."""
+
+    def __init__(self, pixels: int) -> None:
+        self._lock = threading.Lock()
+        self._sum, self._count = np.zeros(pixels), np.zeros(pixels, dtype=np.int32)
+
+    def add(self, difference: np.ndarray, counts: np.ndarray) -> None:
+        """Those of a photograph, as a share of its brightness [n], where they count [n]."""
+        with self._lock:
+            self._sum += np.where(counts, difference, 0)
+            self._count += counts
+
+    def colours(self) -> np.ndarray:
+        """Of the mean [n, 3]; grey where no photograph counts."""
+        colours = _diverging(self._sum / np.maximum(self._count, 1) / MEAN_RANGE)
+        colours[self._count == 0] = _GREY
+        return colours
+
+
+def _rms(photo: np.ndarray) -> float:
+    """The rms brightness of a photograph [n, C]; 1 for one without any."""
+    return (float(np.sqrt(np.mean(photo**2))) if len(photo) else 1.0) or 1.0
 
 
 def _by_channel(values: np.ndarray) -> np.ndarray:

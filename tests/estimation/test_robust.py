@@ -164,12 +164,12 @@ def test_one_photograph_of_something_else_is_named() -> None:
     black = [pixels.copy() for pixels in capture.photographs.stored]
     black[3][:] = 0
     spoilt = matest.estimate(changed(capture, stored=tuple(black)), "cook-torrance", fix=FIX)
-    assert any(f"Without image 3 ({capture.names[3]})" in warning for warning in spoilt.warnings)
+    assert any(f"{capture.names[3]} is 100 % too dark for its light" in warning for warning in spoilt.warnings)
     # Of three too, where the rest is far from linear.
     three = Studio(size=64, lights=STUDIO.lights[:3]).photograph(OrenNayar(0.7, 0.6), seed=1)
     black = [three.photographs.stored[0], np.zeros_like(three.photographs.stored[1]), three.photographs.stored[2]]
     spoilt = matest.estimate(changed(three, stored=tuple(black)), "oren-nayar")
-    assert any("Without image 1" in warning for warning in spoilt.warnings)
+    assert any(f"{three.names[1]} is 100 % too dark for its light" in warning for warning in spoilt.warnings)
     # A model that fits none of them is not an image's fault, nor is noise that is overstated.
     wrong = matest.estimate(capture, "lambert")
     assert wrong.fit.reduced_chi2 > 1.5
@@ -177,6 +177,7 @@ def test_one_photograph_of_something_else_is_named() -> None:
     loud = changed(few, noise=Noise(0.01, 0.002))
     for found in (wrong, matest.estimate(few, "lambert"), matest.estimate(loud, "lambert")):
         assert not any("Without" in warning for warning in found.warnings)
+        assert not any(image.stands_out for image in found.images)
 
 
 def test_ordinary_noise_has_no_outliers() -> None:

@@ -85,9 +85,19 @@ def test_the_image_that_spoils_the_others_is_named() -> None:
     capture = STUDIO.photograph(Lambert(0.6), 0)
     spoilt = changed(capture, stored=(*capture.photographs.stored[:-1], 1.3 * capture.photographs.stored[-1]))
     found = matest.estimate(spoilt, "lambert")
-    said = [warning for warning in found.warnings if warning.startswith("Without image")]
+    said = [warning for warning in found.warnings if capture.names[5] in warning]
     assert len(said) == 1
-    assert said[0].startswith("Without image 5 (")
+    assert said[0].startswith(f"{capture.names[5]} is 30 % too bright for its light: ")
+
+
+def test_an_image_that_no_light_explains_is_named_too() -> None:
+    capture = STUDIO.photograph(Lambert(0.6), 0)
+    upside_down = capture.photographs.stored[3][::-1].copy()
+    stored = [upside_down if image == 3 else each for image, each in enumerate(capture.photographs.stored)]
+    found = matest.estimate(changed(capture, stored=tuple(stored)), "lambert")
+    said = [warning for warning in found.warnings if capture.names[3] in warning]
+    assert len(said) == 1
+    assert said[0].startswith(f"{capture.names[3]} is explained by no level and no turn of its light: ")
 
 
 def test_an_image_without_a_usable_pixel_is_told() -> None:

@@ -148,3 +148,11 @@ def test_samples_show_how_many_photographs_values_and_channels_they_are() -> Non
     values = len(samples) * 3
     assert repr(samples) == f"PhotographSamples({values} values, 3 channels, 3 photographs)"
     assert repr(next(samples.batches(10))) == "Batch(30 values, 3 channels)"
+
+
+def test_samples_of_a_few_pixels_lie_in_the_memory_of_the_processor() -> None:
+    capture = photograph(sphere_scene())
+    here, _ = capture.samples().of_pixels(20, seed=0)
+    elsewhere, _ = capture.samples(device="meta").of_pixels(20, seed=0)
+    assert elsewhere.radiance.device.type == "cpu"
+    assert torch.equal(elsewhere.radiance, here.radiance)

@@ -144,7 +144,7 @@ def test_a_result_has_every_file_of_the_contract(tmp_path: Path, capture: Captur
     said: list[str] = []
     write_result(clay(), capture, tmp_path / "matest", said.append)
     pictures = {f"images/{k:02d}_{kind}.png" for k in range(2) for kind in ("photo", "render", "residual")}
-    expected = {"result.json", "material.json", "report.html", "profile.csv"}
+    expected = {"result.json", "material.json", "report.html", "profile.csv", "images/mean_residual.png"}
     assert set(tree(tmp_path / "matest")) == expected | pictures
     assert said == ["writing the report"]
 

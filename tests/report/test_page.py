@@ -144,9 +144,9 @@ def test_every_picture_is_described_and_exists_in_the_folder(tmp_path: Path) -> 
     capture = Studio(size=16, lights=coloured()[:2]).photograph(OrenNayar([0.7, 0.6, 0.5], 0.5), seed=1)
     write_result(clay(), capture, tmp_path / "matest")
     pictures = read((tmp_path / "matest" / "report.html").read_text("utf-8")).pictures
-    assert len(pictures) == 6
+    assert len(pictures) == 7
     assert all((tmp_path / "matest" / str(picture["src"])).is_file() for picture in pictures)
-    assert len({picture["alt"] for picture in pictures}) == 6
+    assert len({picture["alt"] for picture in pictures}) == 7
 
 
 def test_the_page_says_which_pixels_its_pictures_show() -> None:
@@ -168,7 +168,7 @@ def test_without_pictures_the_page_has_none_and_the_rest() -> None:
 def test_more_than_a_hundred_images_are_numbered_on() -> None:
     sources = [picture["src"] for picture in read(page(clay(), names(101))).pictures]
     assert sources[-1] == "images/100_residual.png"
-    assert len(set(sources)) == 303
+    assert len(set(sources)) == 304
 
 
 def test_the_page_loads_nothing_from_elsewhere() -> None:

@@ -40,7 +40,8 @@ def middle(image: np.ndarray) -> list[int]:
 def test_every_image_has_three_pictures(tmp_path: Path) -> None:
     write_pictures(capture(), TRUTH, tmp_path)
     names = {path.name for path in (tmp_path / "images").iterdir()}
-    assert names == {f"{k:02d}_{kind}.png" for k in range(2) for kind in ("photo", "render", "residual")}
+    each = {f"{k:02d}_{kind}.png" for k in range(2) for kind in ("photo", "render", "residual")}
+    assert names == {*each, "mean_residual.png"}
     assert picture(tmp_path, "00_photo.png").shape == (24, 24, 3)
 
 
@@ -50,6 +51,20 @@ def test_the_right_material_looks_like_the_photograph(tmp_path: Path) -> None:
         photo, model = (picture(tmp_path, f"{number}_{kind}.png") for kind in ("photo", "render"))
         assert np.abs(photo - model).max() <= 1
         assert 200 < photo.max() <= 255
+
+
+def test_the_mean_residual_shows_what_photographs_have_in_common(tmp_path: Path) -> None:
+    bright = capture(1.03)
+    write_pictures(bright, TRUTH, tmp_path / "same")
+    red = picture(tmp_path / "same", "mean_residual.png")
+    # 3 % of the rms brightness and more where the object is brighter: beyond half of the full colour.
+    assert red[12, 12, 0] - red[12, 12, 2] > 60
+    assert (red[0, 0] == GREY).all()
+    stored = bright.photographs.stored
+    opposite = changed(capture(), stored=(stored[0], stored[1] * 0.97 / 1.03))
+    write_pictures(opposite, TRUTH, tmp_path / "opposite")
+    white = picture(tmp_path / "opposite", "mean_residual.png")
+    assert white[12, 12].min() > 225
 
 
 def test_agreement_is_white_and_grey_is_what_did_not_count(tmp_path: Path) -> None:

@@ -1,0 +1,84 @@
+"""What a report says of single photographs, and of residuals by angle."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from matest.estimation.photographs import PhotographFit, Turn
+from matest.estimation.residual_angles import AngularResiduals
+from matest.report.curves import Curve, drawing, legend
+from matest.report.format import chi2, share
+from matest.report.plots import COLOURS
+
+_COLUMNS = ("photograph", "relative rms error", "χ²", "level", "turn of its light")
+_ODD_COLUMN = "times the usual"
+TITLE = "Photographs, worst first"
+LEGEND = (
+    "Level: the factor by which a photograph is brighter than the others say. Turn: by how much, and to where, its "
+    "light would have to move to explain its residual best, if its level may be wrong too (-: no turn up to 20° does)."
+)
+ODD_LEGEND = "The last column: how many times as far off as is usual among the others."
+# Photographs in a table.
+_MAX_ROWS = 12
+# Standard errors from which on it is said where to a light turns.
+_SEEN = 3.0
+# Standard errors below which more digits would only hide what is large: of a level, and of a turn in degrees.
+_FINEST_LEVEL = 0.001
+_FINEST_TURN = 0.1
+_TICKS = (0, 15, 30, 45, 60, 75, 90)
+
+
+def worst_first(images: Sequence[PhotographFit]) -> list[PhotographFit]:
+    """Those that stand out, then the others by what their residuals are in units of the noise."""
+    return sorted(images, key=lambda image: (not image.stands_out, -image.reduced_chi2))
+
+
+def photograph_table(images: Sequence[PhotographFit]) -> tuple[Sequence[str], list[tuple[str, ...]], list[int]]:
+    """Head, rows of the worst photographs, and which of these stand out; where any does, a column says by how much."""
+    shown = worst_first(images)[:_MAX_ROWS]
+    odd = [row for row, image in enumerate(shown) if image.stands_out]
+    body = [_cells(image)[: None if odd else -1] for image in shown]
+    return (*_COLUMNS, _ODD_COLUMN) if odd else _COLUMNS, body, odd
+
+
+def _cells(image: PhotographFit) -> tuple[str, ...]:
+    """A row of the table, with a cell that says how a photograph stands out."""
+    odd = f"{image.times:.0f} ({image.stands_out})" if image.stands_out else ""
+    level = "-"
+    if image.level is not None and image.level_std is not None:
+        level = f"{image.level:.3f} ± {max(image.level_std, _FINEST_LEVEL):.3f}"
+    return image.file, share(image.relative_rmse), chi2(image.reduced_chi2), level, _turn(image.direction), odd
+
+
+def not_shown(images: Sequence[PhotographFit]) -> str:
+    """How many photographs the table leaves out, as a sentence; empty where it has all."""
+    rest = worst_first(images)[_MAX_ROWS:]
+    if not rest:
+        return ""
+    largest = share(max(image.relative_rmse for image in rest))
+    return f"The worst {_MAX_ROWS}; the other {len(rest)} have errors of up to {largest}: result.json lists them all. "
+
+
+def angle_drawings(residuals: Mapping[str, AngularResiduals]) -> tuple[list[tuple[str, str]], str]:
+    """Drawings of the residuals by each angle with their captions, and the legend of all of them; as HTML."""
+    drawings, curves = [], []
+    for name, found in residuals.items():
+        if len(found) > 1:
+            curves = [
+                Curve("rms", (100 * found.rms).tolist(), COLOURS[1]),
+                Curve("mean (positive: the photographs are brighter)", (100 * found.mean).tolist(), COLOURS[2]),
+                Curve("rms of the noise alone", (100 * found.noise).tolist(), "currentColor", dashed=True),
+            ]
+            picture = drawing(found.degrees.tolist(), curves, _TICKS, f"{name} (degrees)", "residual (% of the signal)")
+            drawings.append((picture, f"by {name}"))
+    return drawings, legend(curves)
+
+
+def _turn(turn: Turn | None) -> str:
+    """The turn of a light in a cell."""
+    if turn is None:
+        return "-"
+    text = f"{turn.degrees:.1f} ± {max(turn.std, _FINEST_TURN):.1f}°"
+    if turn.toward is not None and turn.degrees > _SEEN * turn.std:
+        text += f" to ({', '.join(f'{part:.2f}' for part in turn.toward)})"
+    return text

@@ -1,0 +1,103 @@
+"""Photographs and residuals by angle in a report."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import torch
+
+from matest.estimation.photographs import PhotographFit, Turn
+from matest.estimation.residual_angles import AngularResiduals
+from matest.report.page import page
+from matest.report.photographs import angle_drawings, not_shown, photograph_table
+from tests.estimates import clay
+from tests.report.test_page import names, read, words
+
+EVIL = "<b>$&.png"
+FINE = PhotographFit("fine.png", 0.012, 1.0004, 0.0007, 1.02, Turn(0.05, 0.03, [0.0, 0.6, 0.8]))
+TURNED = replace(
+    FINE, file="turned.png", direction=Turn(3.04, 0.03, [0.0, 0.6, 0.8]), stands_out="direction", times=41.0
+)
+
+
+def long_capture(count: int) -> list[PhotographFit]:
+    return [replace(FINE, file=f"{k:03d}.png", reduced_chi2=1 + k, relative_rmse=0.01 * (1 + k)) for k in range(count)]
+
+
+def test_photographs_are_listed_worst_first_and_those_that_stand_out_before_them() -> None:
+    head, body, odd = photograph_table([*long_capture(3), TURNED])
+    assert [cells[0] for cells in body] == ["turned.png", "002.png", "001.png", "000.png"]
+    assert odd == [0]
+    assert body[0] == (
+        "turned.png",
+        "1.20%",
+        "1.02",
+        "1.000 ± 0.001",
+        "3.0 ± 0.1° to (0.00, 0.60, 0.80)",
+        "41 (direction)",
+    )
+    assert len(head) == len(body[0])
+
+
+def test_where_nothing_stands_out_no_column_says_so() -> None:
+    head, body, odd = photograph_table(long_capture(2))
+    assert odd == []
+    assert len(head) == len(body[0]) == 5
+    assert "times the usual" not in head
+
+
+def test_of_long_captures_the_worst_are_listed_and_the_rest_counted() -> None:
+    images = long_capture(100)
+    assert len(photograph_table(images)[1]) == 12
+    assert "the other 88 have errors of up to 88.00%" in not_shown(images)
+    assert not_shown(images[:12]) == ""
+
+
+def test_what_is_not_known_of_a_photograph_has_a_dash() -> None:
+    (cells,) = photograph_table([replace(FINE, level=None, level_std=None, direction=None)])[1]
+    assert cells[3:] == ("-", "-")
+
+
+def test_a_turn_that_may_be_chance_goes_nowhere() -> None:
+    (cells,) = photograph_table([FINE])[1]
+    assert cells[-1] == "0.1 ± 0.1°"
+
+
+def residuals(count: int) -> AngularResiduals:
+    places = torch.linspace(5, 80, count, dtype=torch.float64)
+    return AngularResiduals(places, -0.002 * places, 0.1 + 0.001 * places, torch.full_like(places, 0.02))
+
+
+def test_the_page_has_photographs_and_residuals_by_angle() -> None:
+    text = page(
+        clay(
+            images=[replace(FINE, file=EVIL), TURNED],
+            residuals={"half angle": residuals(20), "angle of incidence": residuals(3)},
+        ),
+        names(2),
+    )
+    said = words(text)
+    assert EVIL in said
+    assert "<b>" not in text
+    assert text.count("<svg") == 2
+    assert "half angle (degrees)" in said
+    assert "rms of the noise alone" in said
+    assert text.count("<polyline") == 6
+    assert "nan" not in text.split("<svg")[1]
+    assert read(text).tags.count("figure") == 2 + 1 + 6
+
+
+def test_an_estimate_of_a_table_has_neither() -> None:
+    said = words(page(clay(), names(1), step=None))
+    assert "Photographs" not in said
+    assert "Residuals" not in said
+
+
+def test_one_class_of_angles_is_no_curve() -> None:
+    assert angle_drawings({"half angle": residuals(1)})[0] == []
+
+
+def test_a_single_photograph_has_no_mean() -> None:
+    assert "mean_residual" not in page(clay(), names(1))
+    assert "mean_residual" in page(clay(), names(2))
+    assert "mean_residual" not in page(clay(), names(2), step=None)
