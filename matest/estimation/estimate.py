@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from matest.errors import InputError, errors_of
+from matest.errors import InputError
 from matest.estimation.freeing import determined_by_images, widened
-from matest.estimation.options import AUTO, Options, Value
+from matest.estimation.options import AUTO, Options, Value, as_uncertainty
 from matest.estimation.prediction import relative_error
 from matest.estimation.refining import refined
 from matest.estimation.remarks import message, skipped, unread_samples
@@ -78,7 +78,7 @@ def estimate(
         )
     options = Options(
         model=model, fix=fix or {}, free=free, tie=tie or {}, holdout=holdout, precision=precision, seed=seed,
-        device=device, uncertainty=_uncertainty(uncertainty), refine=refine,
+        device=device, uncertainty=as_uncertainty(uncertainty), refine=refine,
     )  # fmt: skip
     return estimate_with(capture, options, progress)
 
@@ -105,7 +105,8 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
             "black in every image. Photograph it with another exposure."
         )
     solution, calibration, found = refined(solution, samples, options, capture.stated_uncertainty, progress)
-    posterior = judge(solution, samples, budget=calibration.budget(solution, samples, options.seed))
+    budget = calibration.budget(solution.problem, solution.unknowns, samples, options.seed, solution.residual_scale)
+    posterior = judge(solution, samples, budget=budget)
     diagnosis = diagnoses(found)
     said = [one.message for one in diagnosis]
     if selection:
@@ -138,14 +139,6 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         residual_scale=solution.residual_scale,
         warnings=warnings(context),
     )
-
-
-def _uncertainty(stated: Uncertainty | Mapping[str, Any] | None) -> Uncertainty:
-    """What is stated of the calibration, as one type."""
-    if isinstance(stated, Uncertainty):
-        return stated
-    with errors_of("--uncertainty"):
-        return Uncertainty.of({} if stated is None else stated)
 
 
 def _samples(capture: Capture, options: Options) -> CalibratedSamples:
