@@ -35,16 +35,18 @@ def check(
         ),
     ] = None,
     transfer: arguments.Transfer = None,
+    uncertainty: arguments.UncertaintyOf = None,
     as_json: arguments.Json = False,
 ) -> None:
     """Say before any fit what images can tell of a model.
 
-    The standard error that each parameter will get, predicted from geometry, lights and noise alone; what stays
-    undetermined, and why; and the direction of one more light that would help most. The photographs need not exist.
+    The standard error that each parameter will get, predicted from geometry, lights, noise and what is stated of the
+    calibration; what stays undetermined, and why; what errors of the calibration would do, and which limits what; and
+    the direction of one more light that would help most. The photographs need not exist.
     """
     from matest import identifiability
 
-    options = arguments.options(model, fix, free, tie, transfer)
+    options = arguments.options(model, fix, free, tie, transfer, uncertainty=arguments.uncertainty(uncertainty))
     assumed = dict(arguments.assignment(text, "--at") for text in at or [])
     camera_noise = None if noise is None else arguments.noise(noise)
     with progress(str(capture)) as say:

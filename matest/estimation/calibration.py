@@ -5,19 +5,24 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+from torch import Tensor
+
 from matest.errors import InputError
 from matest.estimation.options import Options
 from matest.estimators import Problem, Solution
 from matest.estimators.calibrated import body_albedos
 from matest.estimators.refinement import MIN_UNKNOWNS, fit_calibrated
-from matest.inference.budget import Budget, budget
+from matest.inference.budget import SAMPLES, Budget, budget
 from matest.inference.posterior import Posterior
 from matest.inference.quantities import Number
 from matest.progress import Progress
 from matest.samples.account import CalibratedSamples
 from matest.samples.calibration import Family
+from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
 from matest.samples.uncertainty import FOUND, PARTS, Uncertainty, whole
 
+# Families that need the pixels around each sample, or all samples of a pixel: the others do without.
+_APART = ("normal_noise", "albedo_noise", "blur")
 # Share of the variance of an estimate above which it is mostly due to one family.
 MOSTLY = 0.5
 # Families that "all" stands for; what the others do, these can do too.
@@ -128,15 +133,36 @@ class Calibration:
         stated = {name: spread for name, spread in self.stated.items() if name not in self.refined}
         return {**stated, **self.found}
 
-    def budget(self, solution: Solution, samples: CalibratedSamples, seed: int) -> Budget | None:
-        """How a solution moves with the errors that are known of and were not refined; None: there are none."""
+    def budget(
+        self,
+        fitted: Problem,
+        unknowns: Tensor,
+        samples: CalibratedSamples,
+        seed: int,
+        residual_scale: ResidualScale = NOISE_ALONE,
+        count: int = SAMPLES,
+    ) -> Budget | None:
+        """How an estimate moves with the errors that are known of and are not refined; None: there are none.
+
+        Args:
+            fitted: what is estimated, with the errors that are refined.
+            unknowns: of it [P].
+            samples: that were fitted, or will be.
+            seed: of the part of them that is read.
+            residual_scale: by which outliers are judged.
+            count: of samples in that part.
+        """
         rest = self._rest
         if not rest:
             return None
-        families = samples.calibration([*self.refined, *rest])
-        spreads = {**self.refined, **rest}
-        problem = solution.problem.calibrated(families, spreads, samples.groups, centred(samples))
-        return budget(solution, problem.with_priors(solution.problem.spreads), rest, samples, seed)
+        apart = [[name] for name in rest if name in _APART]
+        budgets = []
+        for names in filter(None, [[name for name in rest if name not in _APART], *apart]):
+            families, spreads = samples.calibration([*self.refined, *names]), {name: rest[name] for name in names}
+            problem = fitted.calibrated(families, {**self.refined, **spreads}, samples.groups, centred(samples))
+            problem = problem.with_priors(fitted.spreads)
+            budgets.append(budget(unknowns, problem, spreads, samples, seed, residual_scale, count))
+        return replace(budgets[0], scatters={name: part for one in budgets for name, part in one.scatters.items()})
 
     def estimates(
         self, solution: Solution, posterior: Posterior, samples: CalibratedSamples

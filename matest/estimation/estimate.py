@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from matest.errors import InputError, errors_of
+from matest.errors import InputError
 from matest.estimation.freeing import determined_by_images, widened
-from matest.estimation.options import AUTO, Options, Value
+from matest.estimation.options import AUTO, Options, Value, as_uncertainty
 from matest.estimation.photographs import photograph_fits
 from matest.estimation.prediction import relative_error
 from matest.estimation.refining import refined
@@ -81,7 +81,7 @@ def estimate(
         )
     options = Options(
         model=model, fix=fix or {}, free=free, tie=tie or {}, holdout=holdout, precision=precision, seed=seed,
-        device=device, uncertainty=_uncertainty(uncertainty), refine=refine,
+        device=device, uncertainty=as_uncertainty(uncertainty), refine=refine,
     )  # fmt: skip
     return estimate_with(capture, options, progress)
 
@@ -108,7 +108,8 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
             "black in every image. Photograph it with another exposure."
         )
     solution, calibration, found = refined(solution, samples, options, capture.stated_uncertainty, progress)
-    posterior = judge(solution, samples, budget=calibration.budget(solution, samples, options.seed))
+    budget = calibration.budget(solution.problem, solution.unknowns, samples, options.seed, solution.residual_scale)
+    posterior = judge(solution, samples, budget=budget)
     drawn = few_samples(samples, options.seed)
     images = photograph_fits(solution, samples, capture.scene, drawn)
     diagnosis = diagnoses(found)
@@ -144,14 +145,6 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         residuals=residuals_by_angle(solution, drawn[0]),
         warnings=warnings(context),
     )
-
-
-def _uncertainty(stated: Uncertainty | Mapping[str, Any] | None) -> Uncertainty:
-    """What is stated of the calibration, as one type."""
-    if isinstance(stated, Uncertainty):
-        return stated
-    with errors_of("--uncertainty"):
-        return Uncertainty.of({} if stated is None else stated)
 
 
 def _samples(capture: Capture, options: Options) -> CalibratedSamples:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from matest.errors import InputError, errors_of
 from matest.samples.uncertainty import FOUND, NAMES, Uncertainty, families
@@ -97,6 +98,18 @@ class Options:
         if not images:
             raise InputError("every image is held out: leave at least one for the fit.")
         return images
+
+
+def as_uncertainty(stated: Uncertainty | Mapping[str, Any] | None) -> Uncertainty:
+    """What is stated of the calibration, as one type.
+
+    Raises:
+        InputError: no mapping, an unknown name, or a value that is refused.
+    """
+    if isinstance(stated, Uncertainty):
+        return stated
+    with errors_of("--uncertainty"):
+        return Uncertainty.of({} if stated is None else stated)
 
 
 def _reads_as_auto(expression: str) -> bool:

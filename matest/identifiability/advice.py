@@ -29,7 +29,7 @@ class LightAdvice:
         from_camera: angle between it and the direction to the camera, radians.
         azimuth: angle about the direction to the camera, radians, from the image's right toward its top.
         irradiance: on a surface facing the light, [C].
-        std: predicted standard errors with it, by parameter; None where still not determined.
+        std: standard errors with it that are predicted of the noise, by parameter; None where still not determined.
         worst: largest relative standard error of a determined parameter before and after.
         gain: by how much the standard error of each parameter shrinks (2: half as large); None where it was or stays
             undetermined.

@@ -11,9 +11,10 @@ from torch import Tensor
 
 from matest.capture import Capture
 from matest.errors import InputError
-from matest.estimation.options import Options, Value
+from matest.estimation.options import Options, Value, as_uncertainty
 from matest.estimation.specification import by_path, specify
 from matest.identifiability.advice import LightAdvice, advise
+from matest.identifiability.calibration import CalibrationError, CalibrationLimit, Stated
 from matest.identifiability.forecast import as_estimated, at_levels, bent_names, predicted_samples
 from matest.identifiability.highlight import Nearness
 from matest.identifiability.nominal import Nominal
@@ -22,6 +23,7 @@ from matest.identifiability.predictions import Prediction, predictions
 from matest.identifiability.reasons import Reasons
 from matest.photographs.samples import PhotographSamples
 from matest.progress import Progress, silent
+from matest.samples.uncertainty import Uncertainty
 
 SCHEMA = "matest.check/1"
 # What is checked of a capture when no model is named: the largest that `auto` tries.
@@ -44,6 +46,9 @@ class Check:
         highlight: smallest angle between half vector and normal of a usable sample, radians; None without samples.
         levels: for which values of the shape parameters `range` holds, by parameter.
         warnings: sentences.
+        calibration: what errors of the calibration do, by family, the largest effect first; those that nobody states
+            would do it if there were any.
+        limits: what limits the parameters whose error bars are mostly due to stated errors, at most three.
     """
 
     capture: str
@@ -57,6 +62,8 @@ class Check:
     highlight: float | None
     levels: dict[str, list[float]]
     warnings: list[str]
+    calibration: dict[str, CalibrationError]
+    limits: list[CalibrationLimit]
 
     def to_dict(self) -> dict[str, Any]:
         """The content of `matest check --json`."""
@@ -72,9 +79,12 @@ def check(
     tie: Mapping[str, str] | None = None,
     at: Mapping[str, Value] | None = None,
     noise: tuple[float, float] | None = None,
+    uncertainty: Uncertainty | Mapping[str, float | Sequence[float]] | None = None,
     progress: Progress = silent,
 ) -> Check:
     """Standard errors that `estimate` will report, predicted from geometry, lights, noise and values of the material.
+
+    They hold what stated errors of the calibration add. What errors that nobody states would add is said beside them.
 
     The Fisher information of noise-free photographs predicted for the values; their pixels are selected as those of
     real ones are: lit, off the rim, not clipped. Values not given are those of the scene's material or the model's
@@ -86,15 +96,18 @@ def check(
         fix, free, tie: parameters, as for `estimate`.
         at: values that are assumed, by name or path; these are estimated all the same.
         noise: read and gain instead of the plan's: variance = read² + gain·signal, in fractions of full scale.
+        uncertainty: one standard deviation of what the calibration states, as for `estimate`; it comes before the
+            plan's own.
         progress: called with a word, and how much of it is done.
 
     Raises:
-        InputError: unknown names, values outside their domains, impossible constraints, nothing left to estimate, a
-            model that cannot be estimated under lights of unknown strength.
+        InputError: unknown names, values or uncertainties outside their domains, impossible constraints, nothing left
+            to estimate, a model that cannot be estimated under lights of unknown strength.
     """
     plan = Plan.of(plan) if isinstance(plan, Capture) else plan
     plan = plan if noise is None else plan.with_noise(*noise)
-    return check_with(plan, Options(model=model, fix=fix or {}, free=free, tie=tie or {}), at or {}, progress)
+    options = Options(model=model, fix=fix or {}, free=free, tie=tie or {}, uncertainty=as_uncertainty(uncertainty))
+    return check_with(plan, options, at or {}, progress)
 
 
 def check_with(plan: Plan, options: Options, at: Mapping[str, Value], progress: Progress = silent) -> Check:
@@ -108,14 +121,17 @@ def check_with(plan: Plan, options: Options, at: Mapping[str, Value], progress: 
     photographs = plan.photographs if plan.exposed else with_full_scale_for(nominal.material, plan.photographs)
     samples = predicted_samples(photographs, nominal.problem, nominal.unknowns)
     forecast, all_free = as_estimated(samples, nominal)
-    levels = at_levels(photographs, forecast.problem, nominal.levels, progress)
+    stated = Stated(options, plan.uncertainty)
+    bent = bent_names(forecast, samples)
+    errors = stated.errors(forecast, samples, bent)
+    levels = at_levels(photographs, forecast.problem, nominal.levels, progress, stated.budget)
     advice = advise(samples, nominal, forecast, progress)
     nearness = Nearness.of(samples)
-    reasons = Reasons(forecast, nearness, relative, bent_names(forecast, samples))
+    reasons = Reasons(forecast, nearness, relative, bent)
     return Check(
         capture=plan.name,
         model=nominal.material.expression,
-        parameters=predictions([forecast, *levels], reasons, Reasons(all_free, nearness, relative)),
+        parameters=predictions([errors.allowed_for, *levels], reasons, Reasons(all_free, nearness, relative)),
         light=advice,
         images=len(photographs),
         samples=len(samples),
@@ -124,6 +140,8 @@ def check_with(plan: Plan, options: Options, at: Mapping[str, Value], progress: 
         highlight=nearness.usable if math.isfinite(nearness.usable) else None,
         levels=nominal.tried,
         warnings=_warnings(plan, options, samples),
+        calibration=errors.by_family,
+        limits=errors.limits,
     )
 
 

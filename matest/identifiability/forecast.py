@@ -16,6 +16,8 @@ from matest.estimation.specification import freed
 from matest.estimators import Problem, accumulate
 from matest.identifiability.nominal import Nominal
 from matest.identifiability.plan import photographs_of
+from matest.inference.budget import Budget
+from matest.inference.error_bars import expected_error_bars
 from matest.inference.expansion import Expansion
 from matest.inference.posterior import Posterior, foresee
 from matest.inference.profiles import surroundings
@@ -40,21 +42,24 @@ class Forecast:
         unknowns: the values u [P] it is predicted for.
         information: JᵀWJ [P, P].
         values: expected number of pixel values.
+        budget: how the estimate moves with errors of the calibration; None: error bars are those of the noise alone.
     """
 
     problem: Problem
     unknowns: Tensor
     information: Tensor
     values: int
+    budget: Budget | None = None
 
     def __add__(self, more: Forecast) -> Forecast:
-        """Both sets of photographs together."""
-        return replace(self, information=self.information + more.information, values=self.values + more.values)
+        """Both sets of photographs together, by the noise alone."""
+        information, values = self.information + more.information, self.values + more.values
+        return Forecast(self.problem, self.unknowns, information, values)
 
     @property
     def std(self) -> Tensor:
         """Standard errors [P]; infinite where not determined."""
-        covariance = self.expansion.covariance
+        covariance = expected_error_bars(self.expansion, self.budget).covariance
         return torch.where(covariance.undetermined, math.inf, covariance.std)
 
     @property
@@ -88,7 +93,12 @@ class Forecast:
     @cached_property
     def posterior(self) -> Posterior:
         """What `estimate` would report if its solution had exactly these values."""
-        return foresee(self.expansion)
+        return foresee(self.expansion, self.budget)
+
+    @cached_property
+    def by_noise(self) -> Forecast:
+        """The same without errors of the calibration."""
+        return self if self.budget is None else replace(self, budget=None)
 
 
 def predicted_samples(photographs: Photographs, problem: Problem, unknowns: Tensor) -> PhotographSamples:
@@ -136,14 +146,28 @@ def forecast(samples: PhotographSamples, problem: Problem, unknowns: Tensor) -> 
 
 
 def at_levels(
-    photographs: Photographs, problem: Problem, levels: Sequence[Mapping[str, Tensor]], progress: Progress
+    photographs: Photographs,
+    problem: Problem,
+    levels: Sequence[Mapping[str, Tensor]],
+    progress: Progress,
+    budget: Callable[[Forecast, PhotographSamples], Budget | None] = lambda *_: None,
 ) -> list[Forecast]:
-    """The forecast at other values of the parameters, for each of some levels."""
+    """The forecast at other values of the parameters, for each of some levels.
+
+    Args:
+        photographs: of which only geometry, lights and camera count.
+        problem: what will be estimated.
+        levels: values of all parameters.
+        progress: called with a word.
+        budget: how the estimate moves with errors of the calibration.
+    """
     forecasts = []
     for values in levels:
         progress("trying other roughnesses")
         unknowns = problem.unknowns_at(values)
-        forecasts.append(forecast(predicted_samples(photographs, problem, unknowns), problem, unknowns))
+        samples = predicted_samples(photographs, problem, unknowns)
+        by_noise = forecast(samples, problem, unknowns)
+        forecasts.append(replace(by_noise, budget=budget(by_noise, samples)))
     return forecasts
 
 

@@ -67,7 +67,7 @@ def with_light(photographs: Photographs, before: Forecast, light: DirectionalLig
 
 def camera_direction(surface: Surface) -> Tensor:
     """Unit vector to the camera from the middle of the surface, world frame."""
-    mean = surface.view.mean(0)
+    mean = surface.view.double().mean(0)
     return mean / mean.norm()
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ from matest.photographs.noise import Noise
 from matest.photographs.photographs import Photographs
 from matest.photographs.sensor import Sensor
 from matest.progress import Progress, silent
+from matest.samples.uncertainty import Uncertainty
 from matest.scene import Scene
 from matest.shading import render_image
 from matest.simulate import material_of, scene_format, stored_pixels
@@ -40,6 +41,7 @@ class Plan:
         material: of a scene; None for a capture.
         exposed: whether the radiance of full scale is known; if not, the brightest predicted pixel lies at 90 % of it.
         noise_source: where the noise comes from, as a clause.
+        uncertainty: of the calibration, as far as the plan states it.
     """
 
     name: str
@@ -47,11 +49,12 @@ class Plan:
     material: Brdf | None = None
     exposed: bool = True
     noise_source: str = "as the capture states it"
+    uncertainty: Uncertainty = field(default_factory=Uncertainty)
 
     @classmethod
     def of(cls, capture: Capture) -> Plan:
         """The plan of a capture whose photographs exist."""
-        plan = cls(capture.name, capture.photographs)
+        plan = cls(capture.name, capture.photographs, uncertainty=capture.stated_uncertainty)
         return plan if plan.photographs.noise_stated else replace(plan, noise_source="estimated from the images")
 
     def with_noise(self, read: float, gain: float, source: str = "as given") -> Plan:
@@ -136,7 +139,8 @@ def _planned(
     photographs = setup.photographs((pixels,) * len(setup.exposures), Sensor(setup.encoding, noise))
     exposed = table.scale is not None or images.dtype.kind == "f"
     source = "as the file states it" if stated_noise else "that of a typical camera, as none is stated"
-    return Plan(description.name, photographs, material, exposed).with_noise(noise.read, noise.gain, source)
+    plan = Plan(description.name, photographs, material, exposed, uncertainty=description.uncertainty)
+    return plan.with_noise(noise.read, noise.gain, source)
 
 
 def _has_material(file: Path) -> bool:

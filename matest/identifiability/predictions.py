@@ -21,7 +21,8 @@ class Prediction:
 
     Attributes:
         value: the value it is predicted for.
-        std: predicted standard error; None where not determined, or not estimated.
+        std: predicted standard error, which holds stated errors of the calibration; None where not determined, or not
+            estimated.
         relative: largest std over value (over the domain's width where that is 0).
         range: smallest and largest `relative` over all levels of the shape parameters that were not given, None where
             one of them leaves it undetermined; None altogether where all do, or there was only one level.
@@ -29,6 +30,7 @@ class Prediction:
         status: determined | weak (std above the value, or good near it only) | not determined | held (by default) |
             fixed | tied.
         reason: why it is weak, not determined, held, or known up to a scale only; empty otherwise.
+        noise_std: the part of `std` that is due to the noise.
     """
 
     value: Number
@@ -38,6 +40,7 @@ class Prediction:
     unit: str
     status: str
     reason: str = ""
+    noise_std: Number = None
 
 
 def predictions(forecasts: Sequence[Forecast], reasons: Reasons, reasons_if_free: Reasons) -> dict[str, Prediction]:
@@ -52,11 +55,15 @@ def predictions(forecasts: Sequence[Forecast], reasons: Reasons, reasons_if_free
     stand_ins = {reported_name(problem, name): name for name in problem.free if shows_only_in_derived(problem, name)}
     values: dict[str, Number] = {name: value.tolist() for name, value in forecast.expansion.values.items()}
     values |= {name: forecast.posterior.estimates[name].value for name in stand_ins}
+    by_noise = forecast.by_noise.posterior
     out = {}
     for name, estimate in forecast.posterior.estimates.items():
         # A derived quantity of parameters that show by themselves says nothing new.
         if name in values:
-            prediction = Prediction(values[name], estimate.std, None, None, estimate.unit, estimate.status)
+            noise_std = by_noise.estimates[name].std
+            prediction = Prediction(
+                values[name], estimate.std, None, None, estimate.unit, estimate.status, noise_std=noise_std
+            )
             source = problem.ties.get(name, stand_ins.get(name, name))
             if source in problem.where:
                 prediction = _of_estimated(prediction, name, source, forecasts, reasons)
@@ -73,6 +80,11 @@ def _of_estimated(
     problem = forecasts[0].problem
     relative = [float(forecast.relative_std[problem.where[source]].max()) for forecast in forecasts]
     status, reason = _verdict(prediction.status, source, relative[0], reasons)
+    if forecasts[0].budget is not None and status != "determined":
+        by_noise = forecasts[0].by_noise
+        noise_alone = float(by_noise.relative_std[problem.where[source]].max())
+        if _verdict(by_noise.posterior.estimates[name].status, source, noise_alone, reasons)[0] == "determined":
+            reason = "the stated errors of the calibration leave it open"
     span = _span(relative)
     if shows_only_in_derived(problem, name):
         span, reason = None, f"only {reported_name(problem, name)} is seen without coherent light"

@@ -8,17 +8,18 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from matest.estimators import Problem, Solution, accumulate
+from matest.estimators import Problem, accumulate
 from matest.estimators.calibrated import CalibratedModel
 from matest.estimators.covariance import fisher
 from matest.samples import Batch, Groups, Tile
 from matest.samples.account import CalibratedSamples
+from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
 from matest.samples.tiles import in_memory
 
 # Samples that are enough to say to some per cent how far an estimate moves.
-_SAMPLES = 30_000
-# Pixels, with the samples of all images at each, that say the same of errors of single pixels.
-_PIXELS = 4_000
+SAMPLES = 30_000
+# Samples for each pixel whose samples in all images are read: these say the same of errors of single pixels.
+_SAMPLES_PER_PIXEL = 7.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,33 +43,44 @@ class Budget:
 
 
 def budget(
-    solution: Solution, problem: Problem, spreads: Mapping[str, float], samples: CalibratedSamples, seed: int
+    estimated: Tensor,
+    problem: Problem,
+    spreads: Mapping[str, float],
+    samples: CalibratedSamples,
+    seed: int,
+    residual_scale: ResidualScale = NOISE_ALONE,
+    count: int = SAMPLES,
 ) -> Budget:
-    """How a solution moves with errors of the calibration, from a random part of its samples.
+    """How an estimate moves with errors of the calibration, from a random part of its samples.
 
     Args:
-        solution: of the fit.
-        problem: the solution's, with further families at the end.
+        estimated: values of the unknowns that are estimated [P].
+        problem: of these unknowns, with further families at the end.
         spreads: standard deviation of the errors of these families as a whole.
-        samples: that were fitted.
+        samples: that were fitted, or will be.
         seed: of the random draw.
+        residual_scale: by which outliers are judged.
+        count: of samples in that part.
     """
-    size = solution.problem.size
-    unknowns = torch.cat([solution.unknowns, problem.anywhere[size:]])
-    batch = by_image(next(iter(samples.batches(_SAMPLES, shuffle=True, seed=seed))), samples.groups)
+    size = len(estimated)
+    unknowns = torch.cat([estimated, problem.anywhere[size:]])
+    batch = by_image(next(iter(samples.batches(count, shuffle=True, seed=seed))), samples.groups)
     factor = len(samples) / len(batch)
-    statistics = accumulate(problem, unknowns, in_memory([batch]), unknowns, solution.residual_scale)
+    statistics = accumulate(problem, unknowns, in_memory([batch]), unknowns, residual_scale)
     sums = factor * replace(statistics, prior=None).information
     scatters = {}
     for name, spread in spreads.items():
         family = problem.family(name)
         if family.of_pixels:
-            scatters[name] = _scatter_by_pixel(solution, problem, name, spread, unknowns, samples, seed)
+            pixels = samples.of_pixels(round(count / _SAMPLES_PER_PIXEL), seed)
+            scatter = _scatter_by_pixel(problem, name, spread, unknowns, pixels, residual_scale)
+            scatters[name] = scatter[:size, :size]
         else:
             cross = spread * family.spread * sums[:size, problem.where[name]]
             scatters[name] = cross @ cross.T
-    prior = solution.problem.prior_terms(solution.unknowns)
-    return Budget(sums[:size, :size] + (0.0 if prior is None else prior.precision), scatters)
+    prior = problem.prior_terms(unknowns)
+    information = sums if prior is None else sums + prior.precision
+    return Budget(information[:size, :size], scatters)
 
 
 def by_image(batch: Batch, groups: Groups) -> Batch:
@@ -80,32 +92,32 @@ def by_image(batch: Batch, groups: Groups) -> Batch:
 
 
 def _scatter_by_pixel(
-    solution: Solution,
     problem: Problem,
     name: str,
     spread: float,
     unknowns: Tensor,
-    samples: CalibratedSamples,
-    seed: int,
+    samples: tuple[Batch, float],
+    residual_scale: ResidualScale,
 ) -> Tensor:
-    """Mean square [P, P] of JᵀWNν where each pixel of the object has errors ν of its own.
+    """Mean square [Q, Q] by all unknowns of JᵀWNν where each pixel of the object has errors ν of its own.
 
     They are the same in all images: scores are added up pixel by pixel before they are squared. To second order errors
-    that are 0 on average still change the mean radiance, as a rougher surface would.
+    that are 0 on average still change the mean radiance, as a rougher surface would. `samples` are those of
+    `CalibratedSamples.of_pixels`.
     """
-    size, errors = solution.problem.size, problem.where[name]
-    batch, factor = samples.of_pixels(_PIXELS, seed)
+    size, errors = problem.size, problem.where[name]
+    batch, factor = samples
     assert batch.pixels is not None
     tangent = CalibratedModel(problem, unknowns).tangent(batch)
-    weight = Tile(batch).about(tangent.radiance, solution.residual_scale).weight.T[:, None]
+    weight = Tile(batch).about(tangent.radiance, residual_scale).weight.T[:, None]
     places = problem.places[problem.groups.group_of(batch)]
     _, pixel = batch.pixels.unique(return_inverse=True)
 
     def scores(change: Tensor) -> Tensor:
-        """JᵀW times a change of the radiance [C, n], pixel by pixel [m, P]."""
+        """JᵀW times a change of the radiance [C, n], pixel by pixel [m, Q]."""
         by_sample = (tangent.jacobian * weight * change[:, None]).sum(0).double().T
-        out = torch.zeros(int(pixel.max()) + 1, problem.size, dtype=torch.float64)
-        return out.index_put_((pixel[:, None].expand_as(places), places), by_sample, accumulate=True)[:, :size]
+        out = torch.zeros(int(pixel.max()) + 1, size, dtype=torch.float64)
+        return out.index_put_((pixel[:, None].expand_as(places), places), by_sample, accumulate=True)
 
     own = ((places[0] >= errors.start) & (places[0] < errors.stop)).nonzero()[:, 0]
     total = torch.zeros(size, size, dtype=torch.float64)

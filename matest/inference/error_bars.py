@@ -149,7 +149,7 @@ def _with_calibration(bars: ErrorBars, budget: Budget, free: Tensor) -> ErrorBar
         covariance=covariance,
         open=unbounded,
         widening=bars.widening * growth,
-        shares={name: part.diagonal().sqrt() for name, part in parts.items()},
+        shares={name: part.diagonal().clamp(min=0).sqrt() for name, part in parts.items()},
     )
 
 
@@ -252,11 +252,12 @@ def _widening(expansion: Expansion, clusters: Statistics, unbounded: Covariance)
     return torch.maximum(by_samples, (unbounded.std / expansion.covariance.std).nan_to_num(1.0, posinf=1.0))
 
 
-def expected_error_bars(expansion: Expansion) -> ErrorBars:
-    """The error bars of future samples, if the model holds and no unknown lies at a bound."""
+def expected_error_bars(expansion: Expansion, budget: Budget | None = None) -> ErrorBars:
+    """The error bars of future samples, if the model holds and no unknown lies at a bound; `budget` as in `judge`."""
     size, covariance = expansion.problem.size, expansion.covariance
     nowhere, widening = torch.zeros(size, dtype=torch.bool), torch.ones(size, dtype=torch.float64)
     ends = torch.full((size,), math.nan, dtype=torch.float64)
-    return ErrorBars(
+    bars = ErrorBars(
         covariance, covariance, nowhere, ends, widening, chi2=1.0, correlation=1.0, holds=True, kind="fisher"
     )
+    return bars if budget is None else _with_calibration(bars, budget, ~nowhere)

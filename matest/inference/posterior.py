@@ -93,9 +93,9 @@ def judge_to_first_order(solution: Solution, samples: Samples) -> Posterior:
     return _to_first_order(Expansion.of(solution), error_bars(solution, samples))
 
 
-def foresee(expansion: Expansion) -> Posterior:
-    """What future samples will say, to first order."""
-    return _to_first_order(expansion, expected_error_bars(expansion))
+def foresee(expansion: Expansion, budget: Budget | None = None) -> Posterior:
+    """What future samples will say, to first order; `budget` as in `judge`."""
+    return _to_first_order(expansion, expected_error_bars(expansion, budget))
 
 
 def _to_first_order(expansion: Expansion, bars: ErrorBars) -> Posterior:

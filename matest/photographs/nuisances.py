@@ -120,9 +120,9 @@ class Ambient:
 
     def act(self, world: World, values: Tensor, worlds: Worlds) -> None:
         sky = values * (key_light(worlds) / math.pi).to(values)
-        seen = _unoccluded(worlds)
+        seen = worlds.unoccluded(world.places.pixels)
         if seen is not None:
-            sky = sky * seen[world.places.pixels].to(values)[:, None]
+            sky = sky * seen.to(values)[:, None]
         world.ambient = sky if world.ambient is None else world.ambient + sky
 
 
@@ -349,8 +349,3 @@ def _across(vectors: Tensor) -> tuple[Tensor, Tensor]:
     axis = torch.where(near_y, vectors.new_tensor([0.0, 0.0, 1.0]), vectors.new_tensor([0.0, 1.0, 0.0]))
     first = normalize(torch.linalg.cross(axis, vectors), dim=-1)
     return first, torch.linalg.cross(vectors, first)
-
-
-def _unoccluded(worlds: Worlds) -> Tensor | None:
-    """Share of an even sky that each pixel of the surface sees [N]; None: all of it."""
-    return None if worlds.unoccluded is None else torch.from_numpy(worlds.unoccluded)

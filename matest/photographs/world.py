@@ -139,10 +139,21 @@ class Worlds:
         return float((x - x.mean()).square().mean().sqrt() / surface.normals[:, 0].std(correction=0))
 
     @cached_property
-    def unoccluded(self) -> np.ndarray | None:
-        """Share of an even sky that each pixel of the surface sees [N]; None: all of it."""
-        stated = self.scene.unoccluded
-        return unoccluded_fraction(self.scene.surface) if stated is None else stated
+    def _traced(self) -> np.ndarray:
+        """Share of an even sky that each pixel of the surface sees [N]; NaN where nobody asked yet."""
+        return np.full(len(self.scene.surface), np.nan, dtype=np.float32)
+
+    def unoccluded(self, pixels: Tensor) -> Tensor | None:
+        """Share of an even sky that some pixels of the surface see [n]; None: all of it."""
+        if self.scene.unoccluded is not None:
+            return torch.from_numpy(self.scene.unoccluded)[pixels]
+        traced, index = self._traced, pixels.unique().numpy()
+        if len(unknown := index[np.isnan(traced[index])]):
+            shares = unoccluded_fraction(self.scene.surface, unknown)
+            if shares is None:
+                return None
+            traced[unknown] = shares
+        return torch.from_numpy(traced)[pixels]
 
     def of(self, batch: Batch, image: Tensor, pixels: Tensor) -> World:
         """The world of a batch; of pixels beside its own under the same light where `pixels` [m n] says so.

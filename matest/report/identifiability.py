@@ -3,25 +3,37 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 from rich.console import Group
 from rich.table import Column, Table
 from rich.text import Text
 
-from matest.identifiability import Check, LightAdvice, Prediction
+from matest.identifiability import CalibrationError, CalibrationLimit, Check, LightAdvice, Prediction
 from matest.inference.quantities import Number
 from matest.report.tables import add_parameters, in_colour, plain_table
+from matest.samples.uncertainty import labelled
+
+# Parameters that the table of the calibration has columns for: more do not fit beside each other.
+_MAX_COLUMNS = 5
+# Columns of the longest name of a family: what stands in brackets behind it goes to a second line where it must.
+_NAME_WIDTH = 12
+# Relative errors that are not worth a cell.
+_NOTHING = 1e-4
 
 
 def check_report(check: Check) -> Group:
-    """Predicted error bars, reasons, the light that would help most, and what all this rests on."""
+    """Predicted error bars, reasons, errors of the calibration, the light that would help most, and the basis of it."""
     reasons = [
         in_colour(f"{name} ({prediction.status}): {prediction.reason}.", prediction.status)
         for name, prediction in check.parameters.items()
         if prediction.reason
     ]
     warnings = [Text(f"Note: {warning}", style="yellow") for warning in check.warnings]
-    return Group(_predictions(check), *reasons, *_light(check), *_basis(check), *warnings)
+    limits = [Text(_limit(limit)) for limit in check.limits]
+    return Group(
+        _predictions(check), *reasons, *limits, *_calibration(check), *_light(check), *_basis(check), *warnings
+    )
 
 
 def _predictions(check: Check) -> Table:
@@ -46,6 +58,65 @@ def _predictions(check: Check) -> Table:
     return table
 
 
+def _limit(limit: CalibrationLimit) -> str:
+    """What limits a parameter, and what knowing it better would bring."""
+    size, better = (_as_stated(number, limit.unit) for number in (limit.size, limit.better))
+    return (
+        f"{limit.parameter} ± {_percent(limit.relative)}, of which {_percent(limit.part)} from "
+        f"{labelled(limit.family)} ({size}): known to {better}, ± {_percent(limit.then)}."
+    )
+
+
+def _as_stated(size: float, unit: str) -> str:
+    """A standard deviation as `--uncertainty` takes it."""
+    return f"{size:.3g}" + ("" if unit == "1" else f" {unit}")
+
+
+def _calibration(check: Check) -> list[Text | Table]:
+    """What errors of each kind do to each parameter, the largest effect first."""
+    errors = check.calibration
+    most = {name: max(error.relative[name] for error in errors.values()) for name in _affected(check)}
+    if not most:
+        return []
+    shown = sorted(most, key=lambda name: -most[name])[:_MAX_COLUMNS]
+    names = {name: _short(name, most) for name in most if name in shown}
+    table = plain_table(
+        Column("error of", min_width=_NAME_WIDTH),
+        Column("size", no_wrap=True),
+        *(Column(name, justify="right", overflow="fold") for name in names.values()),
+        title="What errors of the calibration would do",
+    )
+    for family, error in errors.items():
+        cells = ("-" if error.relative[name] < _NOTHING else _percent(error.relative[name]) for name in names)
+        table.add_row(labelled(family), _size(error) + " *" * error.stated, *cells)
+    family, error = next(iter(errors.items()))
+    worst = max(error.relative, key=lambda name: error.relative[name])
+    move = f"{labelled(family)} matters most: {_size(error)} moves {worst} by {_percent(error.relative[worst])}."
+    legend = " * as stated; the predicted errors hold it." if any(error.stated for error in errors.values()) else ""
+    rest = f" {len(most) - len(names)} more parameters: --json." if len(most) > len(names) else ""
+    return [table, Text(move + legend + rest)]
+
+
+def _affected(check: Check) -> list[str]:
+    """The determined parameters, on which errors of the calibration have an effect."""
+    return list(dict.fromkeys(name for error in check.calibration.values() for name in error.relative))
+
+
+def _short(name: str, names: Iterable[str]) -> str:
+    """The last part of a path, unless another one has the same."""
+    last = name.rpartition(".")[2]
+    return name if sum(other.rpartition(".")[2] == last for other in names) > 1 else last
+
+
+def _size(error: CalibrationError) -> str:
+    """One standard deviation of errors, as the table gives it."""
+    if error.unit == "rad":
+        return f"{math.degrees(error.size):.2g}°"
+    if error.unit == "1":
+        return f"{100 * error.size:.2g}%"
+    return f"{math.sqrt(error.size) if error.unit == 'px²' else error.size:.2g} px"
+
+
 def _basis(check: Check) -> list[Text]:
     """The values, samples and noise that the prediction rests on."""
     noise, images = check.noise, f"{check.images} image{'s' * (check.images != 1)}"
@@ -65,15 +136,17 @@ def _light(check: Check) -> list[Text | Table]:
     if light is None:
         return [Text("No further distant light would lower the largest relative error.")]
     brings: list[Text | Table] = [_direction(light), _with_light(check, light)]
+    if any(error.stated for error in check.calibration.values()):
+        brings.insert(1, Text("Its errors are those of the noise alone:"))
     return [*brings, _freed(check, light)] if light.frees else brings
 
 
 def _with_light(check: Check, light: LightAdvice) -> Table:
-    """Error bars without and with the light."""
+    """Error bars by the noise without and with the light."""
     table = plain_table(*(Column(name, no_wrap=True) for name in ("parameter", "error now", "with it", "smaller by")))
     for name, std in light.std.items():
         prediction = check.parameters[name]
-        now, then = (_least_known(prediction.value, number) for number in (prediction.std, std))
+        now, then = (_least_known(prediction.value, number) for number in (prediction.noise_std, std))
         change = f"{now / then:.3g} ×" if now and then else "-"
         if name in light.resolves:
             change = "becomes determined"

@@ -91,8 +91,10 @@ def _blocked(surface: Surface, light: Light, index: np.ndarray) -> np.ndarray:
     return blocked
 
 
-def unoccluded_fraction(surface: Surface) -> np.ndarray | None:
+def unoccluded_fraction(surface: Surface, index: np.ndarray | slice = slice(None)) -> np.ndarray | None:
     """Share of an even sky's light that reaches each pixel, f = (1/π) ∫ N·L dω over the unoccluded sky, float32 [N].
+
+    Of some pixels only, where an `index` [n] says so; each has the same share whichever others are asked for.
 
     None where nothing can stand in the way (see `cast_shadows`). 128 rays a pixel with a density proportional to the
     cosine, the same set turned by a random angle at each pixel: accurate to about 1 % of the sky.
@@ -104,8 +106,8 @@ def unoccluded_fraction(surface: Surface) -> np.ndarray | None:
         return None
     assert surface.positions is not None
     # The hemisphere is that of the facet, not of the smooth normal: no ray starts into the body.
-    normals = mesh.face_normals(surface.faces)
-    origins = surface.positions.numpy() + _RAY_OFFSET * mesh.extent * normals
+    normals = mesh.face_normals(surface.faces[index])
+    origins = surface.positions.numpy()[index] + _RAY_OFFSET * mesh.extent * normals
     axis = np.where(np.abs(normals[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
     tangent = np.cross(axis, normals)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
@@ -113,8 +115,8 @@ def unoccluded_fraction(surface: Surface) -> np.ndarray | None:
     # A sunflower pattern in the unit disc, projected up to the hemisphere, has a density proportional to the cosine.
     number = np.arange(_SKY_RAYS) + 0.5
     radius, angle = np.sqrt(number / _SKY_RAYS), number * (math.pi * (3 - math.sqrt(5)))
-    turn = np.random.default_rng(0).uniform(0, 2 * math.pi, len(surface))
-    fraction = np.empty(len(surface), dtype=np.float32)
+    turn = np.random.default_rng(0).uniform(0, 2 * math.pi, len(surface))[index]
+    fraction = np.empty(len(origins), dtype=np.float32)
 
     def trace(part: np.ndarray) -> None:
         along = turn[part, None] + angle
@@ -124,7 +126,7 @@ def unoccluded_fraction(surface: Surface) -> np.ndarray | None:
         start = np.repeat(origins[part], _SKY_RAYS, axis=0)
         fraction[part] = 1 - mesh.blocked(start, toward.reshape(-1, 3)).reshape(-1, _SKY_RAYS).mean(axis=1)
 
-    list(in_threads(trace, np.array_split(np.arange(len(surface)), max(len(surface) // _SKY_PIXELS, 1))))
+    list(in_threads(trace, np.array_split(np.arange(len(origins)), max(len(origins) // _SKY_PIXELS, 1))))
     return fraction
 
 

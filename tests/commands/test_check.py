@@ -77,6 +77,25 @@ def test_json_holds_the_whole_check(run: Run, planned: Path) -> None:
     assert light["std"]["sigma"] < content["parameters"]["sigma"]["std"]
 
 
+def test_stated_errors_of_the_calibration_widen_the_predicted_ones(run: Run, planned: Path) -> None:
+    (planned / "capture.toml").write_text(PLANNED + "[uncertainty]\nradius = 0.5\n", "utf-8")
+    arguments = (planned, "--model", "oren-nayar", "--at", "sigma=0.4")
+    code, out, _ = run(*arguments, "--uncertainty", "direction=0.01")
+    assert code == 0
+    assert max(len(line) for line in out.splitlines()) <= 80
+    told = " ".join(out.split())
+    assert "What errors of the calibration would do" in told
+    assert "from radius (0.5 px): known to" in told
+    content = json.loads(run(*arguments, "--uncertainty", "direction=0.01", "--json")[1])
+    sigma = content["parameters"]["sigma"]
+    assert sigma["noise_std"] < 0.5 * sigma["std"]
+    assert content["limits"][0]["family"] == "radius"
+    assert [name for name, error in content["calibration"].items() if error["stated"]] == ["radius", "direction"]
+    ambient = content["calibration"]["ambient"]
+    assert (ambient["size"], ambient["unit"], ambient["stated"]) == (0.01, "1", False)
+    assert ambient["adds"]["sigma"] == pytest.approx(0.4 * ambient["relative"]["sigma"])
+
+
 def test_a_scene_brings_its_own_model_and_values(run: Run, tmp_path: Path) -> None:
     material = scenes.material("oren-nayar", albedo=0.6, sigma=0.45)
     file = scenes.write(tmp_path, material, scenes.sphere(48), scenes.noise(), scenes.distant(scenes.LIGHTS[:2]))
@@ -95,6 +114,8 @@ def test_a_scene_brings_its_own_model_and_values(run: Run, tmp_path: Path) -> No
         (("--model", "oren-nayar", "--at", "sigma=40"), "radians"),
         (("--model", "oren-nayar", "--at", "sigma=wide"), "--at sigma must be a number"),
         (("--noise", "0.1"), "READ,GAIN"),
+        (("--uncertainty", "radios=1"), "--uncertainty: unknown uncertainty 'radios'"),
+        (("--uncertainty", "direction=1"), "1° is 0.0175 rad"),
         (("--noise", "0,0"), "both zero"),
     ],
 )

@@ -62,6 +62,15 @@ def test_what_limits_an_error_bar_is_named() -> None:
     assert estimate.nuisance["radius"].value is None
 
 
+def test_each_kind_of_error_adds_the_same_alone_and_among_others() -> None:
+    capture = photographed(MATERIAL, unchanged, 1)
+    stated = {"radius": 0.3, "blur": 0.5, "normal_noise": 0.01}
+    together = matest.estimate(capture, "oren-nayar", uncertainty=stated).nuisance
+    for name, size in stated.items():
+        alone = matest.estimate(capture, "oren-nayar", uncertainty={name: size}).nuisance[name]
+        assert together[name].adds["sigma"] == pytest.approx(alone.adds["sigma"], rel=1e-6)
+
+
 def test_normals_that_are_noisy_widen_error_bars_with_the_root_of_the_number_of_pixels() -> None:
     stds = []
     for size in (48, 96):

@@ -71,6 +71,13 @@ def test_the_sky_that_a_point_under_a_plate_sees_is_one_minus_the_form_factor_of
     assert (free[~below] == 1).all()
 
 
+def test_the_sky_that_a_pixel_sees_does_not_depend_on_which_others_are_asked_for(plate_above_plane):
+    some = np.arange(0, 8000, 7)
+    np.testing.assert_array_equal(
+        unoccluded_fraction(plate_above_plane, some), unoccluded_fraction(plate_above_plane)[some]
+    )
+
+
 def test_the_sky_is_counted_only_where_it_shines_and_something_can_block_it(plate_above_plane):
     light = (directional((0.0, 0.0, 1.0)),)
     dark = Scene(plate_above_plane, (light,), torch.zeros(1, 1, dtype=torch.float64)).with_shadows()
