@@ -17,8 +17,10 @@ from matest.samples.batch import Batch
 from matest.samples.calibration import Displaced
 from matest.samples.groups import Groups
 
+# Variance below which a Gaussian reaches hardly beyond the next pixel, pixels².
+_NARROW = 0.2
 # Pixels. Blur that reaches farther is no small error of a calibration.
-_LARGEST_STRIDE = 4
+_LARGEST_STEP = 8
 
 
 class PhotographCalibration:
@@ -36,8 +38,8 @@ class PhotographCalibration:
         self._names = names
         self.families = [NUISANCES[name].family(self._worlds, groups) for name in names]
         # What does not change with the errors, for batches that are asked for more than once: of the pixels of a batch
-        # (stride 0), and of those around them at some stride.
-        self._exact: WeakKeyDictionary[Batch, dict[int, World]] = WeakKeyDictionary()
+        # (no steps), and of those around them by some steps.
+        self._exact: WeakKeyDictionary[Batch, dict[tuple[int, ...], World]] = WeakKeyDictionary()
 
     def displaced(self, batch: Batch, values: Tensor) -> Displaced:
         """See `Calibration`."""
@@ -45,17 +47,17 @@ class PhotographCalibration:
             raise ValueError("errors of the calibration need samples that say which pixel they are.")
         widths = [family.width for family in self.families]
         parts = dict(zip(self._names, values.split(widths, dim=1), strict=True))
-        displaced = self._acted(self._world(batch, batch.pixels, 0), parts)
+        displaced = self._acted(self._world(batch, batch.pixels, ()), parts)
         variance = parts.get("blur")
         if variance is None:
             return displaced
-        stride = blur_stride(float(variance.detach().mean()))
-        around, inside = self._worlds.grid.around(batch.pixels, stride)
+        steps = blur_steps(float(variance.detach().mean()))
+        around, inside = self._worlds.grid.around(batch.pixels, steps)
         with torch.no_grad():
             # Errors that are 0 change nothing.
             copies = {name: part.repeat(len(around), 1) for name, part in parts.items() if bool(part.any())}
-            beside = self._acted(self._world(batch, around.flatten(), stride), copies)
-        return replace(displaced, weights=blur_weights(variance[:, 0], stride, inside), around=beside)
+            beside = self._acted(self._world(batch, around.flatten(), steps), copies)
+        return replace(displaced, weights=blur_weights(variance[:, 0], steps, inside), around=beside)
 
     def _acted(self, world: World, values: Mapping[str, Tensor]) -> Displaced:
         for name, nuisance in NUISANCES.items():
@@ -69,35 +71,52 @@ class PhotographCalibration:
             offset=world.offset,
         )
 
-    def _world(self, batch: Batch, pixels: Tensor, stride: int) -> World:
-        """The exact world of the pixels of a batch, or of some at a stride around each of them."""
+    def _world(self, batch: Batch, pixels: Tensor, steps: tuple[int, ...]) -> World:
+        """The exact world of the pixels of a batch, or of some around each of them."""
         worlds = self._exact.setdefault(batch, {})
-        if stride not in worlds:
-            worlds[stride] = self._worlds.of(batch, self._groups.image_of(batch), pixels)
-        return replace(worlds[stride])
+        if steps not in worlds:
+            worlds[steps] = self._worlds.of(batch, self._groups.image_of(batch), pixels)
+        return replace(worlds[steps])
 
 
-def blur_stride(variance: float) -> int:
-    """Distance of the pixels whose weighted sum has the mean square and the mean fourth power of a Gaussian, rounded.
+def blur_steps(variance: float) -> tuple[int, ...]:
+    """Distances of the pixels of a row or column whose weighted sum stands for a Gaussian: of one or two on each side.
+
+    They are the nodes of the rules of Gauss and Hermite of three and of five points, rounded.
 
     Args:
         variance: of the Gaussian, pixels².
     """
-    return min(max(round(math.sqrt(3 * max(variance, 0.0))), 1), _LARGEST_STRIDE)
+    if variance < _NARROW:
+        return (1,)
+    near = max(round(math.sqrt((5 - math.sqrt(10)) * variance)), 1)
+    far = max(round(math.sqrt((5 + math.sqrt(10)) * variance)), near + 1)
+    return min(near, _LARGEST_STEP // 2), min(far, _LARGEST_STEP)
 
 
-def blur_weights(variance: Tensor, stride: int, inside: Tensor) -> Tensor:
-    """Weights [9, n] of samples and of the pixels around each in blurred values; a background is black.
+def blur_weights(variance: Tensor, steps: Sequence[int], inside: Tensor) -> Tensor:
+    """Weights [1 + k, n] of samples and of the k pixels around each in blurred values; a background is black.
 
-    They are products of those of a row and of a column, by the three-point rule of Gauss and Hermite.
+    They are products of those of a row and of a column, which have the mean square of the Gaussian and, of two steps on
+    each side, its mean fourth power.
 
     Args:
         variance: of the Gaussian, pixels² [n].
-        stride: from a pixel to those around it.
-        inside: whether these are on the object [8, n].
+        steps: from a pixel to those around it.
+        inside: whether these are on the object [k, n].
     """
-    side = variance / (2 * stride**2)
-    line = torch.stack([side, 1 - 2 * side, side])
+    squares = [float(step**2) for step in steps]
+    if len(steps) == 1:
+        sides = [variance / (2 * squares[0])]
+    else:
+        near, far = squares
+        fourth = 3 * variance.square()
+        sides = [
+            (far * variance - fourth) / (2 * near * (far - near)),
+            (fourth - near * variance) / (2 * far * (far - near)),
+        ]
+    middle = 1 - 2 * torch.stack(sides).sum(0)
+    line = torch.stack([*reversed(sides), middle, *sides])
     square = (line[:, None] * line[None]).flatten(0, 1)
-    middle = len(square) // 2
-    return torch.cat([square[middle : middle + 1], torch.cat([square[:middle], square[middle + 1 :]]) * inside])
+    here = len(square) // 2
+    return torch.cat([square[here : here + 1], torch.cat([square[:here], square[here + 1 :]]) * inside])

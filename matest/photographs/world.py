@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -248,19 +249,20 @@ class Grid:
         products = [scaled[i][:, 0] * scaled[j][:, 1] for i in range(_DEGREE + 1) for j in range(_DEGREE + 1 - i)]
         return torch.stack(products, dim=1)
 
-    def around(self, pixels: Tensor, stride: int = 1) -> tuple[Tensor, Tensor]:
+    def around(self, pixels: Tensor, steps: Sequence[int] = (1,)) -> tuple[Tensor, Tensor]:
         """The pixels of a square around each of some pixels, row by row, its middle left out.
 
         Args:
             pixels: of the surface [n].
-            stride: between them.
+            steps: from its middle to its rows and columns on either side.
 
         Returns:
-            The others [8, n], and which of these are on the object; one that is not is given as the pixel itself.
+            The others [k, n], and which of these are on the object; one that is not is given as the pixel itself.
         """
         x, y = (self.coordinates(pixels) - 0.5).long().T
-        steps = torch.tensor([(dx, dy) for dy in (-stride, 0, stride) for dx in (-stride, 0, stride) if dx or dy])
-        x, y = x + steps[:, :1], y + steps[:, 1:]
+        line = [*(-step for step in reversed(steps)), 0, *steps]
+        offsets = torch.tensor([(dx, dy) for dy in line for dx in line if dx or dy])
+        x, y = x + offsets[:, :1], y + offsets[:, 1:]
         inside = (x >= 0) & (x < self.width) & (y >= 0) & (y < self.height)
         beside = self._places[torch.where(inside, y * self.width + x, 0)].long()
         inside &= beside >= 0
