@@ -26,6 +26,8 @@ _ROUGHNESSES = (0.3, 0.8)
 # Eigenvalue of the scaled information. Combinations with a smaller one are not told apart: it is the rounding of single
 # precision.
 _UNSEEN = 1e-6
+# Share of the information on a family that is rounding where what was fitted explains the rest.
+_ROUNDING = 1e-5
 
 
 class PixelSums(NamedTuple):
@@ -95,10 +97,13 @@ class ScoreSums:
         place = self.places[name]
         cross = self.information[self.fitted][:, place]
         followed = _solve(self.information[self.fitted][:, self.fitted], cross)
-        information = self.information[place, place] - cross.T @ followed
+        own = self.information[place, place]
+        information = own - cross.T @ followed
         scores = self.scores[place] - followed.T @ self.scores[self.fitted]
         values, vectors = torch.linalg.eigh((information + information.T) / 2)
-        return Spectrum(values, (vectors.T @ scores).square())
+        # Of what the fit can do as well only rounding is left.
+        seen = values > _ROUNDING * own.diagonal().max()
+        return Spectrum(torch.where(seen, values, 0.0), torch.where(seen, (vectors.T @ scores).square(), 0.0))
 
     def chi2_with_everything(self) -> float:
         """χ² per value if errors of all families but those of single pixels had their best values."""

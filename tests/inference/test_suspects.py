@@ -55,6 +55,12 @@ def test_what_was_fitted_explains_its_part() -> None:
     assert suspects(sums) == []
 
 
+def test_the_rounding_of_what_was_fitted_is_no_evidence() -> None:
+    sums = sums_of(torch.tensor([3e6, 3e6 + 100], dtype=torch.float64), 1e7)
+    sums.information[0, 1] = sums.information[1, 0] = 1e7 - 1
+    assert suspects(sums) == []
+
+
 def test_errors_of_pixels_are_judged_alike() -> None:
     information, spread = 25.0, 0.6
     scores = information * spread * deviates(UNKNOWNS, 1) + math.sqrt(information) * deviates(UNKNOWNS, 2)
