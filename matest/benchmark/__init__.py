@@ -17,6 +17,7 @@ SUITES = {
     "outliers": "the same with spoilt pixels",
     "selection": "the components that auto finds, and its time against naming the model",
     "calibration": "errors that a calibration off by little causes: as they are, stated, and estimated",
+    "diagnosis": "whether what is wrong with a capture is named",
     "estimate": "time of 12 photographs of a megapixel against decoding them",
     "peers": "time to 1 % against other solvers",
     "frontier": "error of every solver over time",

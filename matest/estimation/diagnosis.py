@@ -13,6 +13,7 @@ from matest.estimation.calibration import centred, families_of
 from matest.estimators import Problem, Solution
 from matest.estimators.covariance import fisher
 from matest.estimators.pilot import follow
+from matest.inference.budget import by_image
 from matest.inference.score_sums import ScoreSums, score_sums
 from matest.inference.suspects import Suspect, alike, suspects
 from matest.progress import Progress, silent
@@ -93,7 +94,7 @@ def causes(solution: Solution, samples: CalibratedSamples, seed: int, progress: 
     """
     progress("looking for causes of residuals")
     batch, _ = samples.of_pixels(max(_SAMPLES // max(samples.groups.images, 1), _PIXELS), seed)
-    search = _Search(samples, Tile(batch, cache={}))
+    search = _Search(samples, Tile(by_image(batch, samples.groups), cache={}))
     start = last = search.at(solution)
     found: list[Cause] = []
     while len(found) < _MOST_CAUSES and (step := search.step(last)):

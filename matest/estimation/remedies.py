@@ -82,7 +82,7 @@ class Diagnosis:
         unit: "relative", "rad", "px".
         chi2_before, chi2_after: per value, without and with it.
         message: what it is and the mend, as a sentence.
-        others: families that would explain the same about as well.
+        others: causes that would explain the same as well and are as simple.
     """
 
     cause: str
@@ -110,7 +110,7 @@ def _diagnosis(cause: Cause, first: Cause) -> Diagnosis:
         chi2_before=cause.chi2_before,
         chi2_after=cause.chi2_after,
         message=_message(cause, first),
-        others=[*cause.others],
+        others=[*cause.rivals],
     )
 
 

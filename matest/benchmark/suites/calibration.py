@@ -191,7 +191,7 @@ def trial(name: str, kind: str, columns: Sequence[str], seed: int) -> dict[str, 
     generator = np.random.default_rng([crc32(f"{name}, {kind}".encode()), seed])
     material = thing.build()
     truth = float(material.parameters[thing.parameter])
-    stated = Setting(thing.surface(), _lights(generator), np.ones(LIGHTS))
+    stated = Setting(thing.surface(), light_directions(generator), np.ones(LIGHTS))
     outcomes = {}
     with single_threaded_torch():
         capture = photograph(stated, row.error(stated, generator), material, thing.body, generator)
@@ -207,7 +207,7 @@ def _outcome(found: ParameterEstimate, truth: float) -> Outcome:
     return Outcome(value / truth - 1, std / truth, low <= truth <= high)
 
 
-def _lights(generator: np.random.Generator) -> np.ndarray:
+def light_directions(generator: np.random.Generator) -> np.ndarray:
     """Unit vectors [K, 3], evenly drawn within `_OBLIQUE` of the camera."""
     z = 1 - generator.random(LIGHTS) * (1 - math.cos(math.radians(_OBLIQUE)))
     turn, across = 2 * math.pi * generator.random(LIGHTS), np.sqrt(1 - z * z)
