@@ -37,8 +37,8 @@ UncertaintyOf = Annotated[
         "--uncertainty",
         metavar="NAME=VALUE",
         help="One standard deviation of what the calibration states, overrides the capture's: direction, rotation, "
-        "normals, normal_noise (rad); intensity, exposure, scale, ambient, vignetting, transfer, albedo, albedo_noise "
-        "(relative); black (of full scale); radius, blur (pixels); pose=PIXELS,RAD. 1deg and 3% are "
+        "normals, normal_noise (rad); intensity, exposure, scale, ambient, vignetting, transfer, curve, albedo, "
+        "albedo_noise (relative); black (of full scale); radius, blur (pixels); pose=PIXELS,RAD. 1deg and 3% are "
         "understood.",
         show_default=False,
     ),

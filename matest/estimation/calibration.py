@@ -37,6 +37,7 @@ _TOGETHER = (
     "ambient",
     "vignetting",
     "transfer",
+    "curve",
     "black",
     "blur",
 )

@@ -47,6 +47,10 @@ REMEDIES = {
     ),
     "vignetting": Remedy("a loss of light of {size} at the corners of the images", "divide by a flat field"),
     "transfer": Remedy("an exponent of the transfer that is {size} off", "check encoding.transfer"),
+    "curve": Remedy(
+        "a transfer that is {size} of the way from the stated one to sRGB's (or from sRGB's to a power)",
+        "check encoding.transfer, or try --transfer",
+    ),
     "shift": Remedy("an object that lies {size} beside where it is stated to be", "fit its outline anew", "px"),
     "radius": Remedy("an outline whose radius is {size} off", "fit it anew", "px"),
     "tilt": Remedy("an object that is turned by {size}", "align the mesh anew", "°"),

@@ -67,7 +67,9 @@ class PhotographCalibration:
             points=world.points(),
             body=world.body,
             power=world.power,
-            white=None if world.power is None else world.places.white,
+            curve=world.curve,
+            departure=self._worlds.departure,
+            white=None if world.power is None and world.curve is None else world.places.white,
             offset=world.offset,
         )
 

@@ -175,6 +175,18 @@ class Transfer:
         world.power = values
 
 
+class Curve:
+    """The shape of the transfer: sRGB's, or a power."""
+
+    def family(self, worlds: Worlds, groups: Groups) -> Family:
+        stated = worlds.photographs.encoding.transfer
+        doc = f"share of the way from the transfer that is stated to {'the power 2.2' if stated == 'srgb' else 'sRGB'}"
+        return Family("curve", "1", doc, 1, _common(groups, 1), assumed=0.5)
+
+    def act(self, world: World, values: Tensor, worlds: Worlds) -> None:  # noqa: ARG002
+        world.curve = values
+
+
 class Shift:
     """The object's place in the image."""
 
@@ -309,6 +321,7 @@ NUISANCES: dict[str, Nuisance] = {
     "scale": Scale(),
     "vignetting": Vignetting(),
     "transfer": Transfer(),
+    "curve": Curve(),
     "black": Black(),
     "blur": Blur(),
 }

@@ -68,6 +68,8 @@ class PhotographSamples(LitPixels):
         surface, scene = self.photographs.scene.surface, self.photographs.scene
         # A sphere looks the same from all sides.
         idle = {"tilt"} if surface.convex else set()
+        if self.photographs.encoding.transfer in ("linear", 1.0):
+            idle.add("curve")
         if not any(scene.lights[image] for image in self.images):
             idle |= {"direction", "rotation", "intensity", "ambient"}
         return [name for name in NUISANCES if name not in idle]

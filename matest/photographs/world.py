@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -24,6 +24,8 @@ _DEGREE = 6
 TERMS = (_DEGREE + 1) * (_DEGREE + 2) // 2
 # Pixels that the mean of products of polynomials over the object is taken of.
 _SPREAD_PIXELS = 4_000
+# The power that cameras that are not sRGB's are taken to have.
+_POWER = 2.2
 # Mean square of a combination of polynomials that few or thin pixels cannot tell from nothing.
 _INDISTINCT = 1e-6
 
@@ -79,7 +81,7 @@ class World:
         view: unit vectors to the viewer [n, 3].
         irradiance: of a surface facing each light [n, L, C].
         ambient: ambient radiance times the unoccluded fraction of the sky [n, C]; None: there is none.
-        body: see `Displaced`; likewise `power`, `offset`.
+        body: see `Displaced`; likewise `power`, `curve`, `offset`.
     """
 
     places: Places
@@ -90,6 +92,7 @@ class World:
     ambient: Tensor | None
     body: Tensor | None = None
     power: Tensor | None = None
+    curve: Tensor | None = None
     offset: Tensor | None = None
 
     def points(self) -> Points:
@@ -155,6 +158,15 @@ class Worlds:
                 return None
             traced[unknown] = shares
         return torch.from_numpy(traced)[pixels]
+
+    def departure(self, share: Tensor) -> Tensor:
+        """By how much a decoded share of full scale differs if the transfer is not the stated one but the usual other:
+        sRGB's where a power is stated, the power 2.2 where sRGB's is.
+        """
+        stated = self.photographs.encoding
+        other = replace(stated, transfer=_POWER if stated.transfer == "srgb" else "srgb")
+        decoded = stated.linear(other.encoded(share.double().numpy()))
+        return torch.from_numpy(decoded).to(share) - share.clamp(min=0)
 
     def of(self, batch: Batch, image: Tensor, pixels: Tensor) -> World:
         """The world of a batch; of pixels beside its own under the same light where `pixels` [m n] says so.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -14,6 +14,8 @@ from matest.scene.points import Points
 
 # Share of full scale. The power of a darker value is taken as that of this one, so that its logarithm stays finite.
 _DARK = 1e-4
+# Share of full scale for the derivative of a transfer.
+_STEP = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +57,9 @@ class Displaced:
         points: geometry and light.
         body: factor of the albedo of the body [n, 1]; None: 1.
         power: excess over 1 of the exponent between true and decoded radiance [n, 1]; None: 0.
-        white: radiance of full scale [n, 1]; needed beside `power`.
+        curve: share of the way from the stated transfer to another one [n, 1]; None: 0.
+        departure: by how much a decoded share of full scale differs if it is the other one; needed beside `curve`.
+        white: radiance of full scale [n, 1]; needed beside `power` and `curve`.
         offset: added to the decoded radiance [n, C]; None: 0.
         weights: of each sample and of k others around it in its blurred value [1 + k, n]; None: it is sharp.
         around: these others, k n; needed beside `weights`.
@@ -64,6 +68,8 @@ class Displaced:
     points: Points
     body: Tensor | None = None
     power: Tensor | None = None
+    curve: Tensor | None = None
+    departure: Callable[[Tensor], Tensor] | None = None
     white: Tensor | None = None
     offset: Tensor | None = None
     weights: Tensor | None = None
@@ -71,20 +77,42 @@ class Displaced:
 
     def decoded(self, radiance: Tensor) -> Tensor:
         """What is decoded of the true radiance [n, C]."""
-        if self.power is not None and self.white is not None:
+        radiance = self._curved(radiance)
+        if self.power is not None:
             radiance = radiance * self._level(radiance) ** self.power
         return radiance if self.offset is None else radiance + self.offset
 
     def slope(self, radiance: Tensor) -> Tensor:
         """Derivative of `decoded` by the true radiance [n, C]."""
-        if self.power is None:
-            return torch.ones_like(radiance)
-        return (1 + self.power) * self._level(radiance) ** self.power
+        slope = torch.ones_like(radiance)
+        if self.curve is not None and self.departure is not None:
+            slope = slope + self.curve * _slope(self.departure, self._share(radiance))
+        if self.power is not None:
+            slope = slope * (1 + self.power) * self._level(self._curved(radiance)) ** self.power
+        return slope
+
+    def _curved(self, radiance: Tensor) -> Tensor:
+        """What is decoded as far as the transfer is another one; to first order in a change of the radiance."""
+        if self.curve is None or self.departure is None or self.white is None:
+            return radiance
+        share = self._share(radiance)
+        here = share.detach()
+        departure = self.departure(here) + _slope(self.departure, here) * (share - here)
+        return radiance + self.curve * departure * self.white
+
+    def _share(self, radiance: Tensor) -> Tensor:
+        """Of full scale."""
+        assert self.white is not None
+        return radiance / self.white
 
     def _level(self, radiance: Tensor) -> Tensor:
-        """Share of full scale."""
-        assert self.white is not None
-        return (radiance / self.white).clamp(min=_DARK)
+        """The same, not too dark."""
+        return self._share(radiance).clamp(min=_DARK)
+
+
+def _slope(function: Callable[[Tensor], Tensor], at: Tensor) -> Tensor:
+    """The derivative of a function by central differences."""
+    return (function(at + _STEP) - function(at - _STEP)) / (2 * _STEP)
 
 
 class Calibration(Protocol):

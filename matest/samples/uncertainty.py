@@ -67,6 +67,9 @@ NAMES: dict[str, Family] = {
         "relative", "the loss of radiance at the corner of the image, which grows as r²", (_RELATIVE,)
     ),
     "transfer": Family("relative", "the exponent of the transfer function", (_SHARE,)),
+    "curve": Family(
+        "relative", "the share of the way from a power that is stated to sRGB's transfer, or from that", (_RELATIVE,)
+    ),
     "pose": Family(
         "pixels,rad",
         "the object's shift along x and y of the image, its rotation about three axes",
@@ -89,7 +92,7 @@ class Uncertainty:
     """One standard deviation of what a calibration states, by family; None: not stated.
 
     Attributes:
-        direction, rotation, intensity, exposure, scale, ambient, black, vignetting, transfer, radius, normals,
+        direction, rotation, intensity, exposure, scale, ambient, black, vignetting, transfer, curve, radius, normals,
             normal_noise, blur, albedo, albedo_noise: in the units and of the quantities of `NAMES`.
         pose: in pixels, and rad. Of a sphere only the pixels matter.
 
@@ -106,6 +109,7 @@ class Uncertainty:
     black: float | None = None
     vignetting: float | None = None
     transfer: float | None = None
+    curve: float | None = None
     pose: tuple[float, float] | None = None
     radius: float | None = None
     normals: float | None = None

@@ -47,8 +47,6 @@ _SHIFT = 1 / math.sqrt(2)
 _RIGHT = 1e-3
 # Smooth variations within ± 20 % are of this rms, relative.
 _SMOOTH = 0.1
-# Relative rms of the exponent by which sRGB differs from 2.2, over codes from 10 to 95 % of full scale.
-_SRGB = 0.03
 
 
 class Thing(NamedTuple):
@@ -118,7 +116,7 @@ ROWS: dict[str, Row] = {
     "radius 1 px": Row(off.radius(1.0), {"radius": 1.0}, _GAIN, objects=("sphere",)),
     "centre 1 px": Row(off.centre(1.0), {"pose": (_SHIFT, _RIGHT)}, _GAIN, objects=("sphere",)),
     "mesh turned 1°": Row(off.turned(_DEGREE), {"pose": (_RIGHT, _TURN)}, objects=("vase",)),
-    "sRGB read as 2.2": Row(off.constant(transfer="srgb", read_as=2.2), {"transfer": _SRGB}),
+    "sRGB read as 2.2": Row(off.constant(transfer="srgb", read_as=2.2), {"curve": 1.0}),
     "normals 1° smooth": Row(off.smooth_normals(_DEGREE), {"normals": _DEGREE}, _GAIN_OF_MANY),
     "normals 2° by pixel": Row(
         off.noisy_normals(2 * _DEGREE), {"normal_noise": 2 * _DEGREE}, coverage=_COVERAGE_OF_NOISE, refinable=False

@@ -83,7 +83,7 @@ WRONG: dict[str, Wrong] = {
     "radius 1 px": Wrong(off.radius(1.0), _one("radius"), ("sphere",)),
     "centre 1 px": Wrong(off.centre(1.0), _one("shift"), ("sphere",)),
     "mesh turned 1°": Wrong(off.turned(_DEGREE), _one("tilt"), ("vase",)),
-    "sRGB read as 2.2": Wrong(off.constant(transfer="srgb", read_as=2.2), _one("transfer")),
+    "sRGB read as 2.2": Wrong(off.constant(transfer="srgb", read_as=2.2), _one("curve")),
     "normals 1° smooth": Wrong(off.smooth_normals(_DEGREE), _one("normals")),
     "normals 1° by pixel": Wrong(off.noisy_normals(_DEGREE), _one("normal_noise")),
     "normals 2° by pixel": Wrong(off.noisy_normals(2 * _DEGREE), _one("normal_noise")),
