@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from matest.photographs.photographs import Photographs
 from matest.scene import Scene
 from matest.scene.bits import Bits
+
+if TYPE_CHECKING:
+    from matest.photographs.photographs import Photographs
 
 
 def on_lattice(photographs: Photographs, count: int) -> Photographs:
@@ -34,8 +37,15 @@ def on_lattice(photographs: Photographs, count: int) -> Photographs:
         photographs,
         scene=_of_pixels(replace(scene, surface=thin), some),
         encoding=replace(encoding, black=black, flat=flat),
-        stored=tuple(np.take(image, some, axis=0) for image in photographs.stored),
+        stored=tuple(_values(photographs, image, some) for image in range(len(photographs))),
     )
+
+
+def _values(photographs: Photographs, image: int, some: np.ndarray) -> np.ndarray:
+    """Stored values of some pixels of an image, of which no more stays in memory."""
+    values = np.take(photographs.stored[image], some, axis=0)
+    photographs.release(image)
+    return values
 
 
 def _of_pixels(scene: Scene, some: np.ndarray) -> Scene:
