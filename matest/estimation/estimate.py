@@ -104,11 +104,11 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         expression = selection.best.recipe.expression
     specification, solution = solve(expression, samples, options, progress)
     if not solution.statistics.total("values"):
-        why = why_nothing_is_seen(samples) or (
-            "no value lies inside the sensor's range and near the model: the object is saturated or black in every "
-            "image. Photograph it with another exposure."
+        why = why_nothing_is_seen(samples) or "Photograph it with another exposure."
+        raise InputError(
+            f"{capture.name}: no value lies inside the sensor's range and near the model: the object is saturated or "
+            f"black in every image. {why}"
         )
-        raise InputError(f"{capture.name}: {why}")
     mistake = misreading(specification.problem, solution, samples, options.seed)
     solution, calibration, found = refined(solution, samples, options, capture.stated_uncertainty, progress)
     budget = calibration.budget(solution.problem, solution.unknowns, samples, options.seed, solution.residual_scale)
@@ -168,7 +168,7 @@ def _samples(capture: Capture, options: Options) -> CalibratedSamples:
     if not samples.account.images:
         raise InputError(f"{capture.name}: the lights of every image are stated to give no light; correct irradiance.")
     if not len(samples):
-        raise InputError(f"{capture.name}: {why_nothing_is_seen(samples) or _no_samples(samples.account)}")
+        raise InputError(_no_samples(capture.name, samples.account, why_nothing_is_seen(samples)))
     return samples
 
 
@@ -222,9 +222,10 @@ def _of_one_channel(value: Value, channels: int) -> Value:
     return value if isinstance(value, int | float) or len(value) != channels else value[0]
 
 
-def _no_samples(account: Account) -> str:
+def _no_samples(name: str, account: Account, why: str) -> str:
     counts = ", ".join(f"{count} {reason}" for reason, count in account.skipped.items() if count)
-    return (
-        f"no lit pixel is left to fit: of all pixels, {counts}. Check that the lights face the object "
-        "(directions point from the surface to the light), the mask and encoding.saturation."
+    mend = why or (
+        "Check that the lights face the object (directions point from the surface to the light), the mask and "
+        "encoding.saturation."
     )
+    return f"{name}: no lit pixel is left to fit: of all pixels, {counts}. {mend}"

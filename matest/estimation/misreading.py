@@ -75,9 +75,9 @@ def misreading(problem: Problem, solution: Solution, samples: CalibratedSamples,
 
 
 def why_nothing_is_seen(samples: CalibratedSamples) -> str:
-    """The mistake, if there is one, that leaves no value to fit: sentences; empty where there is none."""
+    """The mistake that leaves no value to fit, and its mend: sentences; empty where none is found."""
     readings = samples.better_readings()
-    return f"no value can be fitted. {_findings(readings)}. {_mends(readings)}" if readings else ""
+    return f"{_findings(readings)}. {_mends(readings)}" if readings else ""
 
 
 def _findings(readings: Sequence[Reading]) -> str:
