@@ -17,7 +17,7 @@ from matest.errors import InputError
 from matest.scene import Points, Scene
 
 # Cosines of the table of reflectance under an even sky: linear interpolation between them is exact to 1e-3.
-_NODES = 33
+SKY_COSINES = 33
 # Gauss-Legendre nodes over the polar angle (0 to π/2): exact to 1e-3 for lobes of rms slope 0.03 and more.
 _POLAR = 64
 # Gauss-Legendre nodes over the azimuth (0 to π), likewise.
@@ -165,8 +165,8 @@ def sky_nodes(dtype: torch.dtype, device: torch.device) -> SkyNodes:
     # Both halves of the azimuth count alike for isotropic models.
     weight = np.outer(wx * math.pi / 4, wy * math.pi) * np.sin(polar) * np.cos(polar)
     wi = np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=-1)
-    cos_o = np.linspace(0, 1, _NODES).clip(0.02)
-    wo = np.stack([np.sqrt(1 - cos_o**2), np.zeros(_NODES), cos_o], axis=-1)
+    cos_o = np.linspace(0, 1, SKY_COSINES).clip(0.02)
+    wo = np.stack([np.sqrt(1 - cos_o**2), np.zeros(SKY_COSINES), cos_o], axis=-1)
     # Made outside inference mode: later calls may differentiate through the cached tensors.
     with torch.inference_mode(False):
         arrays = (weight.reshape(1, -1, 1), wi.reshape(1, -1, 3), wo[:, None])
@@ -185,9 +185,9 @@ def sky_terms(terms: tuple[Term, ...]) -> list[Term]:
 
 def interpolate(table: Tensor, cos_o: Tensor) -> Tensor:
     """Values [..., C] at `cos_o` [..., 1] from a table [33, C] over the cosines of `sky_nodes`; S of S tables."""
-    table = table.expand(*table.shape[:-2], _NODES, -1)
-    position = cos_o[..., 0].clamp(0, 1) * (_NODES - 1)
-    lower = position.detach().floor().clamp(max=_NODES - 2)
+    table = table.expand(*table.shape[:-2], SKY_COSINES, -1)
+    position = cos_o[..., 0].clamp(0, 1) * (SKY_COSINES - 1)
+    lower = position.detach().floor().clamp(max=SKY_COSINES - 2)
     share = (position - lower)[..., None]
     index = lower.long()
     return table[..., index, :] * (1 - share) + table[..., index + 1, :] * share

@@ -14,6 +14,7 @@ from matest.photographs.noise import Noise
 from matest.photographs.photographs import Photographs
 from matest.photographs.photometry import Encoding
 from matest.scene import DirectionalLight, Scene
+from matest.scene.lights import Light
 from matest.shading import render
 from tests.captures import directional, sphere_surface
 
@@ -43,14 +44,14 @@ class Studio:
     """
 
     size: int = 48
-    lights: tuple[tuple[DirectionalLight, ...], ...] = tuple((directional(d, 3.0),) for d in DIRECTIONS)
+    lights: tuple[tuple[Light, ...], ...] = tuple((directional(d, 3.0),) for d in DIRECTIONS)
     ambient: float = 0.0
     noise: Noise = CAMERA
     relative: bool = False
 
     @property
     def scene(self) -> Scene:
-        channels = len(self.lights[0][0].irradiance)
+        channels = len(self.lights[0][0].power)
         ambient = torch.full((len(self.lights), channels), self.ambient, dtype=torch.float64)
         return Scene(sphere_surface(self.size), self.lights, ambient)
 

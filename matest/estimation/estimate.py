@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from matest.errors import InputError
 from matest.estimation.freeing import determined_by_images, widened
+from matest.estimation.misreading import misreading, why_nothing_is_seen
 from matest.estimation.options import AUTO, Options, Value, as_uncertainty
 from matest.estimation.photographs import photograph_fits
 from matest.estimation.prediction import relative_error
@@ -103,21 +104,27 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         expression = selection.best.recipe.expression
     specification, solution = solve(expression, samples, options, progress)
     if not solution.statistics.total("values"):
+        why = why_nothing_is_seen(samples) or "Photograph it with another exposure."
         raise InputError(
             f"{capture.name}: no value lies inside the sensor's range and near the model: the object is saturated or "
-            "black in every image. Photograph it with another exposure."
+            f"black in every image. {why}"
         )
+    mistake = misreading(specification.problem, solution, samples, options.seed)
     solution, calibration, found = refined(solution, samples, options, capture.stated_uncertainty, progress)
     budget = calibration.budget(solution.problem, solution.unknowns, samples, options.seed, solution.residual_scale)
     posterior = judge(solution, samples, budget=budget)
     drawn = few_samples(samples, options.seed)
     images = photograph_fits(solution, samples, capture.scene, drawn)
-    diagnosis = diagnoses(found)
+    # Small errors explain nothing of a capture that is described wrongly.
+    diagnosis = [mistake.diagnosis] if mistake else diagnoses(found)
     said = [one.message for one in diagnosis]
     if selection:
         said += sentences(selection, [*calibration.refined], explained=bool(found))
-    explained = bool(found) or selection is not None
-    context = Context(samples, specification, solution, posterior, options.precision, said, explained, images=images)
+    explained = bool(diagnosis) or selection is not None
+    context = Context(
+        samples, specification, solution, posterior, options.precision, said, explained, mistake is not None,
+        images=images,
+    )  # fmt: skip
     random = all(cause.refined for cause in found)
     sentence = message(solution, posterior.bars, unread_samples(samples, solution), random=random)
     material = solution.problem.material(solution.unknowns)
@@ -140,6 +147,7 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         holdout=holdout,
         nuisance=calibration.estimates(solution, posterior, samples),
         diagnosis=diagnosis,
+        misreading=mistake,
         images=images,
         residual_scale=solution.residual_scale,
         residuals=residuals_by_angle(solution, drawn[0]),
@@ -160,7 +168,7 @@ def _samples(capture: Capture, options: Options) -> CalibratedSamples:
     if not samples.account.images:
         raise InputError(f"{capture.name}: the lights of every image are stated to give no light; correct irradiance.")
     if not len(samples):
-        raise InputError(_no_samples(capture.name, samples.account))
+        raise InputError(_no_samples(capture.name, samples.account, why_nothing_is_seen(samples)))
     return samples
 
 
@@ -214,9 +222,10 @@ def _of_one_channel(value: Value, channels: int) -> Value:
     return value if isinstance(value, int | float) or len(value) != channels else value[0]
 
 
-def _no_samples(name: str, account: Account) -> str:
+def _no_samples(name: str, account: Account, why: str) -> str:
     counts = ", ".join(f"{count} {reason}" for reason, count in account.skipped.items() if count)
-    return (
-        f"{name}: no lit pixel is left to fit: of all pixels, {counts}. Check that the lights face the object "
-        "(directions point from the surface to the light), the mask and encoding.saturation."
+    mend = why or (
+        "Check that the lights face the object (directions point from the surface to the light), the mask and "
+        "encoding.saturation."
     )
+    return f"{name}: no lit pixel is left to fit: of all pixels, {counts}. {mend}"

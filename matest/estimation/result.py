@@ -13,6 +13,7 @@ import torch
 from matest.brdf import Brdf, model
 from matest.errors import InputError
 from matest.estimation.calibration import NuisanceEstimate
+from matest.estimation.misreading import Misreading
 from matest.estimation.photographs import PhotographFit
 from matest.estimation.remedies import Diagnosis
 from matest.estimation.residual_angles import AngularResiduals
@@ -102,6 +103,7 @@ class Estimate:
         warnings: sentences.
         channel_labels: names of the channels; empty: R, G, B, or numbers.
         residual_scale: by which outliers were judged.
+        misreading: the mistake in the description of the capture that explains a gross misfit.
         residuals: of some samples by "half angle" and "angle of incidence"; empty for a table.
     """
 
@@ -124,6 +126,7 @@ class Estimate:
     warnings: list[str] = field(default_factory=list)
     channel_labels: tuple[str, ...] = ()
     residual_scale: ResidualScale = NOISE_ALONE
+    misreading: Misreading | None = None
     residuals: Mapping[str, AngularResiduals] = field(default_factory=dict)
 
     def __repr__(self) -> str:

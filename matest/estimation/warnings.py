@@ -51,6 +51,7 @@ class Context:
         precision: relative standard error that the user asked for; None: no such wish.
         first: what is to be said before all else: causes of residuals, and the choice of the model.
         explained: whether that says why the model does not hold.
+        misread: whether it is since the capture is described wrongly.
         channels: names of the channels; empty: R, G, B, or numbers.
         images: how well each photograph is described.
     """
@@ -62,6 +63,7 @@ class Context:
     precision: float | None
     first: Sequence[str] = ()
     explained: bool = False
+    misread: bool = False
     channels: Sequence[str] = ()
     images: Sequence[PhotographFit] = ()
 
@@ -233,7 +235,7 @@ def _poor_fit(context: Context) -> Iterator[str]:
     statistics = context.solution.statistics
     by_noise = context.posterior.bars.holds and statistics.outliers <= _OUTLIERS_BEYOND_NOISE
     # Outliers have a warning of their own.
-    if statistics.relative_rmse_trimmed > _POOR_ERROR and not by_noise:
+    if statistics.relative_rmse_trimmed > _POOR_ERROR and not by_noise and not context.misread:
         yield (
             f"The model misses the images by {statistics.relative_rmse_trimmed:.0%}: check encoding.transfer, the "
             "directions of the lights, and that normals have y up and z toward the viewer, or try another model."

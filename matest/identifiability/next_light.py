@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from matest.identifiability.forecast import Forecast, forecast, predicted_samples
+from matest.photographs.lattice import on_lattice
 from matest.photographs.photographs import Photographs
 from matest.progress import Progress, silent
 from matest.scene import DirectionalLight, Scene, Surface
@@ -94,20 +95,12 @@ def mean_irradiance(scene: Scene) -> Tensor:
 
 
 def _lattice(photographs: Photographs) -> tuple[Photographs, float]:
-    """The photographs on a square lattice of their pixels, and how many pixels each lattice point stands for."""
-    scene, encoding = photographs.scene, photographs.encoding
-    surface = scene.surface
-    step = max(math.ceil(math.sqrt(len(surface) / _RANKING_PIXELS)), 1)
-    rows, columns = np.divmod(surface.pixels, surface.shape[1])
-    on_lattice = (rows % step == 0) & (columns % step == 0)
-    count = int(on_lattice.sum())
+    """The photographs on a lattice of their pixels, whose values do not count, and how many pixels each stands for."""
+    lattice = on_lattice(photographs, _RANKING_PIXELS)
+    count = len(lattice.scene.surface)
     # Only images of integers are searched for clipped neighbours, and here neighbours are missing: take floats.
     pixels = np.zeros((count, photographs.channels), np.float32)
-    flat = None if encoding.flat is None else encoding.flat[on_lattice]
-    lattice = replace(
-        photographs,
-        scene=replace(scene, surface=surface.take(on_lattice), shadows=(), shadow_edge=(), unoccluded=None),
-        encoding=replace(encoding, black=float(np.mean(encoding.black)), flat=flat),
-        stored=(pixels,) * len(photographs),
-    )
-    return lattice, len(surface) / max(count, 1)
+    encoding = replace(lattice.encoding, black=float(np.mean(photographs.encoding.black)))
+    scene = replace(lattice.scene, shadows=(), shadow_edge=(), unoccluded=None)
+    blank = replace(lattice, scene=scene, encoding=encoding, stored=(pixels,) * len(photographs))
+    return blank, len(photographs.scene.surface) / max(count, 1)

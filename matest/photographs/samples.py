@@ -19,10 +19,12 @@ from matest.photographs.nuisances import NUISANCES
 from matest.photographs.photometry import Encoding
 from matest.photographs.pilot import pilot
 from matest.photographs.pixels import BLOCKS, LitPixels
+from matest.photographs.readings import better_readings
 from matest.photographs.tiles import ImageTiles
 from matest.samples import Batch, Groups, Tiles
 from matest.samples.account import Account
 from matest.samples.batch import join
+from matest.samples.reading import Reading
 from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
 from matest.scene import Surface
 
@@ -88,6 +90,16 @@ class PhotographSamples(LitPixels):
         some = np.sort(np.random.default_rng(seed).permutation(total)[:count])
         parts = [here.at(position, some[self.usable_at(position, some)]) for position in range(len(self.images))]
         return join([part for part in parts if len(part)]), total / len(some)
+
+    def better_readings(self) -> list[Reading]:
+        """What may have been meant where it explains the photographs far better than what is stated."""
+        return [
+            Reading(
+                one.cause, one.finding, one.instead, one.mend,
+                PhotographSamples(one.photographs, self.images, self.dtype, self.device, self.redundancy), one.order,
+            )
+            for one in better_readings(self.photographs)
+        ]  # fmt: skip
 
     def optics(self, quantity: Role) -> Tensor | None:
         return self.photographs.scene.optics(quantity)

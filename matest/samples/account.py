@@ -8,6 +8,7 @@ from typing import Protocol
 
 from matest.samples.batch import Batch
 from matest.samples.calibration import Calibration
+from matest.samples.reading import Reading
 from matest.samples.redundancy import Redundancy
 from matest.samples.source import Samples
 
@@ -73,3 +74,6 @@ class CalibratedSamples(AccountedSamples, Protocol):
 
     def of_pixels(self, count: int, seed: int) -> tuple[Batch, float]:
         """All samples at about `count` random pixels of the object, and by how much there are more of them."""
+
+    def better_readings(self) -> Sequence[Reading]:
+        """What may have been meant where it explains them far better than what is stated; all that are equally good."""
