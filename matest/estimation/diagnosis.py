@@ -23,7 +23,7 @@ from matest.samples.calibration import Family
 from matest.workers import single_threaded_torch
 
 # Samples that a diagnosis is made on, and pixels at least: of each the samples of all images.
-_SAMPLES, _PIXELS = 12_000, 600
+_SAMPLES, _PIXELS = 8_000, 400
 # Causes that are looked for: more of them together explain anything.
 _MOST_CAUSES = 4
 # Standard errors up to which a number is zero by chance.

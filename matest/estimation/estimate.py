@@ -110,12 +110,14 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
             f"black in every image. {why}"
         )
     mistake = misreading(specification.problem, solution, samples, options.seed)
-    solution, calibration, found = refined(solution, samples, options, capture.stated_uncertainty, progress)
+    solution, calibration, found = refined(
+        solution, samples, options, capture.stated_uncertainty, progress, misread=mistake is not None
+    )
     budget = calibration.budget(solution.problem, solution.unknowns, samples, options.seed, solution.residual_scale)
-    posterior = judge(solution, samples, budget=budget)
+    # Of a model under the wrong light no profile is worth its time.
+    posterior = (judge_to_first_order if mistake else judge)(solution, samples, budget=budget)
     drawn = few_samples(samples, options.seed)
     images = photograph_fits(solution, samples, capture.scene, drawn)
-    # Small errors explain nothing of a capture that is described wrongly.
     diagnosis = [mistake.diagnosis] if mistake else diagnoses(found)
     said = [one.message for one in diagnosis]
     if selection:

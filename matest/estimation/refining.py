@@ -29,7 +29,13 @@ class Refined(NamedTuple):
 
 
 def refined(
-    solution: Solution, samples: CalibratedSamples, options: Options, stated: Uncertainty, progress: Progress
+    solution: Solution,
+    samples: CalibratedSamples,
+    options: Options,
+    stated: Uncertainty,
+    progress: Progress,
+    *,
+    misread: bool = False,
 ) -> Refined:
     """The fit with the errors that options name, or, where they leave that open, with those that explain residuals.
 
@@ -41,13 +47,14 @@ def refined(
         options: what to refine.
         stated: of the capture.
         progress: called with a word on what is being done.
+        misread: whether the capture is known to be described wrongly: small errors explain nothing of it.
 
     Raises:
         InputError: errors to refine that have no effect.
     """
     calibration = Calibration.of(options, stated, samples, solution.problem)
     solution = calibration.refine(solution, samples, options.seed, progress)
-    found = causes(solution, samples, options.seed, progress)
+    found = [] if misread else causes(solution, samples, options.seed, progress)
     if options.refines_found and (sizes := {cause.family: abs(cause.size or 0) for cause in found if cause.refinable}):
         calibration = calibration.refining(sizes)
         solution = calibration.refine(solution, samples, options.seed, progress)

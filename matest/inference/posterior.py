@@ -88,9 +88,9 @@ def judge(solution: Solution, samples: Samples, *, likelihood: bool = True, budg
 
 
 @single_threaded_torch()
-def judge_to_first_order(solution: Solution, samples: Samples) -> Posterior:
+def judge_to_first_order(solution: Solution, samples: Samples, *, budget: Budget | None = None) -> Posterior:
     """The same by the covariance at the optimum alone: symmetric intervals, no valleys."""
-    return _to_first_order(Expansion.of(solution), error_bars(solution, samples))
+    return _to_first_order(Expansion.of(solution), error_bars(solution, samples, budget=budget))
 
 
 def foresee(expansion: Expansion, budget: Budget | None = None) -> Posterior:

@@ -296,4 +296,4 @@ def _cell(by_metric: Mapping[str, Record], column: str) -> Text:
     return Text(f"{100 * coverage:.0f} {100 * error:.{digits}f} {ratio:.2f}", style=style)
 
 
-SUITE = Suite(measure, table, share=60)
+SUITE = Suite(measure, table, share=30)

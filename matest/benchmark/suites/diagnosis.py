@@ -190,4 +190,4 @@ def table(records: Sequence[Record]) -> Group:
     return page(about, shown, Text(""), records=records)
 
 
-SUITE = Suite(measure, table, share=60)
+SUITE = Suite(measure, table, share=30)
