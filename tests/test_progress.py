@@ -46,6 +46,7 @@ def test_one_callback_serves_rendering_reading_estimating_and_checking(tmp_path:
         "looking for causes of residuals",
         "predicting photographs",
         "trying lights",
+        "comparing with the photographs",
     ]
     assert ("rendering images", 2, 2) in diary.entries
     assert diary.entries.count(("reading images", 2, 2)) == 2

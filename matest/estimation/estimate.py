@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from matest.errors import InputError
 from matest.estimation.freeing import determined_by_images, widened
-from matest.estimation.misreading import misreading, why_nothing_is_seen
+from matest.estimation.misreading import misdescribed, misreading
 from matest.estimation.options import AUTO, Options, Value, as_uncertainty
 from matest.estimation.photographs import photograph_fits
 from matest.estimation.prediction import relative_error
@@ -104,7 +104,7 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         expression = selection.best.recipe.expression
     specification, solution = solve(expression, samples, options, progress)
     if not solution.statistics.total("values"):
-        why = why_nothing_is_seen(samples) or "Photograph it with another exposure."
+        why = misdescribed(samples) or "Photograph it with another exposure."
         raise InputError(
             f"{capture.name}: no value lies inside the sensor's range and near the model: the object is saturated or "
             f"black in every image. {why}"
@@ -131,7 +131,7 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
     sentence = message(solution, posterior.bars, unread_samples(samples, solution), random=random)
     material = solution.problem.material(solution.unknowns)
     held_out = sorted({*options.holdout})
-    holdout = _holdout(capture, material, held_out)
+    holdout = _holdout(capture, material, held_out, solution)
     # Noise belongs to the fit: reading is decoding, geometry is normals, rays and directions.
     fit_s = time.perf_counter() - clock + capture.timing.get("noise", 0.0)
     return Estimate(
@@ -170,7 +170,7 @@ def _samples(capture: Capture, options: Options) -> CalibratedSamples:
     if not samples.account.images:
         raise InputError(f"{capture.name}: the lights of every image are stated to give no light; correct irradiance.")
     if not len(samples):
-        raise InputError(_no_samples(capture.name, samples.account, why_nothing_is_seen(samples)))
+        raise InputError(_no_samples(capture.name, samples.account, misdescribed(samples)))
     return samples
 
 
@@ -214,9 +214,11 @@ def summary(samples: AccountedSamples, solution: Solution, bars: ErrorBars, sent
     )
 
 
-def _holdout(capture: Capture, material: Brdf, images: Sequence[int]) -> dict[str, Any] | None:
+def _holdout(capture: Capture, material: Brdf, images: Sequence[int], solution: Solution) -> dict[str, Any] | None:
     """The error at the images that were left out of the fit; None where there are none."""
-    return {"images": images, "relative_rmse": relative_error(capture, material, images)} if images else None
+    if not images:
+        return None
+    return {"images": images, "relative_rmse": relative_error(capture, material, images, solution)}
 
 
 def _of_one_channel(value: Value, channels: int) -> Value:

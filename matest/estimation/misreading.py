@@ -74,7 +74,7 @@ def misreading(problem: Problem, solution: Solution, samples: CalibratedSamples,
     )
 
 
-def why_nothing_is_seen(samples: CalibratedSamples) -> str:
+def misdescribed(samples: CalibratedSamples) -> str:
     """The mistake that leaves no value to fit, and its mend: sentences; empty where none is found."""
     readings = samples.better_readings()
     return f"{_findings(readings)}. {_mends(readings)}" if readings else ""

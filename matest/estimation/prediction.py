@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from matest.brdf import Brdf
 from matest.errors import InputError
 from matest.estimation.specification import optics
-from matest.estimators import Problem, Statistics, accumulate
+from matest.estimators import Problem, Solution, Statistics, accumulate
 from matest.shading import render
 
 if TYPE_CHECKING:
@@ -60,19 +61,28 @@ def prediction_errors(capture: Capture, material: Brdf) -> PredictionErrors:
     )
 
 
-def relative_error(capture: Capture, material: Brdf, images: Iterable[int]) -> float | None:
+def relative_error(
+    capture: Capture, material: Brdf, images: Iterable[int], refined: Solution | None = None
+) -> float | None:
     """Rms difference between photographs and the shaded material over the rms signal, of all their usable values.
 
     Saturated values count where the material is shaded darker than the clip. None where there is no usable pixel.
 
+    Args:
+        capture: with the photographs.
+        material: that is shaded.
+        images: numbers of the photographs.
+        refined: of a fit to others, with errors of the calibration: those that all photographs have in common hold
+            here too.
+
     Raises:
         InputError: see `predict`.
     """
-    statistics = _statistics(capture, material, images)
+    statistics = _statistics(capture, material, images, refined)
     return statistics.relative_rmse if statistics.total("samples") else None
 
 
-def _statistics(capture: Capture, material: Brdf, images: Iterable[int]) -> Statistics:
+def _statistics(capture: Capture, material: Brdf, images: Iterable[int], refined: Solution | None = None) -> Statistics:
     """Statistics of some photographs about the shaded material."""
     lengths = {len(value) for value in material.parameters.values() if value.ndim == 1} - {1, capture.channels}
     if lengths:
@@ -81,5 +91,19 @@ def _statistics(capture: Capture, material: Brdf, images: Iterable[int]) -> Stat
             f"{max(lengths)}; estimate it from images with the same channels."
         )
     problem = Problem.of(material, capture.channels, (), material.parameters, {})
-    nothing = torch.zeros(0, dtype=torch.float64)
-    return accumulate(problem, nothing, capture.samples(images).tiles(merge=False), nothing)
+    samples, unknowns = capture.photographs.samples(images), torch.zeros(0, dtype=torch.float64)
+    if refined is not None and (shared := _shared_errors(refined)):
+        calibration = samples.calibration([*shared])
+        problem = problem.calibrated(calibration, dict.fromkeys(shared, 1.0), samples.groups)
+        unknowns = torch.cat([*shared.values()])
+    return accumulate(problem, unknowns, samples.tiles(merge=False), unknowns)
+
+
+def _shared_errors(refined: Solution) -> dict[str, Tensor]:
+    """Errors of the calibration that all samples of a fit have in common, by family."""
+    problem, shared = refined.problem, {}
+    for block in problem.nuisances:
+        places = problem.family(block.name).places
+        if bool((places == places[:1]).all()):
+            shared[block.name] = refined.unknowns[problem.where[block.name]]
+    return shared

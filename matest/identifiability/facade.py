@@ -11,6 +11,7 @@ from torch import Tensor
 
 from matest.capture import Capture
 from matest.errors import InputError
+from matest.estimation.misreading import misdescribed
 from matest.estimation.options import Options, Value, as_uncertainty
 from matest.estimation.specification import by_path, specify
 from matest.identifiability.advice import LightAdvice, advise
@@ -90,8 +91,10 @@ def check(
     real ones are: lit, off the rim, not clipped. Values not given are those of the scene's material or the model's
     defaults; shape parameters among the defaults are also halved and doubled together, for the `range`.
 
+    Of photographs that exist a warning says if they look as if their description had a mistake.
+
     Args:
-        plan: of `load_plan`, or a capture; the pixels of its photographs serve for nothing but their noise.
+        plan: of `load_plan`, or a capture; the pixels of its photographs serve for their noise and that warning alone.
         model: an expression; default: the scene's material, else "oren-nayar+cook-torrance".
         fix, free, tie: parameters, as for `estimate`.
         at: values that are assumed, by name or path; these are estimated all the same.
@@ -139,7 +142,7 @@ def check_with(plan: Plan, options: Options, at: Mapping[str, Value], progress: 
         noise={"read": photographs.noise.read, "gain": photographs.noise.gain, "source": plan.noise_source},
         highlight=nearness.usable if math.isfinite(nearness.usable) else None,
         levels=nominal.tried,
-        warnings=_warnings(plan, options, samples),
+        warnings=[*_misreading(plan, progress), *_warnings(plan, options, samples)],
         calibration=errors.by_family,
         limits=errors.limits,
     )
@@ -160,6 +163,15 @@ def _nominal(plan: Plan, options: Options, at: Mapping[str, Value]) -> Nominal:
         fix = by_path(brdf, options.fix)
         values = {name: value for name, value in plan.material.parameters.items() if name not in fix}
     return Nominal.of(specification, values, at)
+
+
+def _misreading(plan: Plan, progress: Progress) -> list[str]:
+    """The mistake in the description of photographs that exist, if any explains them much better undone."""
+    if not plan.taken:
+        return []
+    progress("comparing with the photographs")
+    found = misdescribed(plan.photographs.samples())
+    return [found] if found else []
 
 
 def _warnings(plan: Plan, options: Options, samples: PhotographSamples) -> list[str]:

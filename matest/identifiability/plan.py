@@ -42,6 +42,7 @@ class Plan:
         exposed: whether the radiance of full scale is known; if not, the brightest predicted pixel lies at 90 % of it.
         noise_source: where the noise comes from, as a clause.
         uncertainty: of the calibration, as far as the plan states it.
+        taken: whether the photographs exist.
     """
 
     name: str
@@ -50,11 +51,12 @@ class Plan:
     exposed: bool = True
     noise_source: str = "as the capture states it"
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
+    taken: bool = False
 
     @classmethod
     def of(cls, capture: Capture) -> Plan:
         """The plan of a capture whose photographs exist."""
-        plan = cls(capture.name, capture.photographs, uncertainty=capture.stated_uncertainty)
+        plan = cls(capture.name, capture.photographs, uncertainty=capture.stated_uncertainty, taken=True)
         return plan if plan.photographs.noise_stated else replace(plan, noise_source="estimated from the images")
 
     def with_noise(self, read: float, gain: float, source: str = "as given") -> Plan:

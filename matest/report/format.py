@@ -12,10 +12,12 @@ from matest.inference.quantities import ParameterEstimate
 # What page and terminal call the same columns and tables.
 PARAMETER_COLUMNS = ("parameter", "value ± standard error", "95 % interval", "status")
 MISFIT_COLUMNS = ("values", "relative rms error", "error of cube roots", "relative to them")
-CANDIDATES_TITLE = "Models tried, and their relative rms error on what was left out"
+CANDIDATES_TITLE = "Models tried, and their errors on what was left out"
+CANDIDATE_COLUMNS = ("model", "× noise", "relative", "verdict")
 CANDIDATES_LEGEND = (
-    "Left out in turn: images; of one or two images four horizontal bands of each; of a measured table incidences "
-    "(polar angles of the light)."
+    "× noise: rms error of single values, by which models are compared, every angle counting alike; relative: rms "
+    "error over rms signal, every value counting alike. Left out in turn: images; of one or two images four horizontal "
+    "bands of each; of a measured table incidences (polar angles of the light)."
 )
 # Relative error from which on a multiple is read more easily than per cent.
 _LARGE_SHARE = 10.0
@@ -54,9 +56,10 @@ def _state(status: str, value: float | None, std: float | None) -> str:
     return "not determined" if value is None else "at bound" if std is None else "determined"
 
 
-def candidate_cells(candidate: Candidate) -> tuple[str, str, str]:
-    """Model, error and verdict of a model that was tried."""
-    return candidate.model, share(candidate.relative_rmse), f"{'chosen: ' * candidate.chosen}{candidate.reason}"
+def candidate_cells(candidate: Candidate) -> tuple[str, str, str, str]:
+    """Cells of `CANDIDATE_COLUMNS`."""
+    verdict = f"{'chosen: ' * candidate.chosen}{candidate.reason}"
+    return candidate.model, f"{candidate.score:.3g}", share(candidate.relative_rmse), verdict
 
 
 def misfit_cells(misfit: Misfit) -> tuple[str, str, str, str]:

@@ -8,6 +8,7 @@ from html import escape
 from matest.estimation.result import Estimate
 from matest.report import calibration, photographs
 from matest.report.format import (
+    CANDIDATE_COLUMNS,
     CANDIDATES_LEGEND,
     CANDIDATES_TITLE,
     PARAMETER_COLUMNS,
@@ -131,7 +132,7 @@ def candidates(estimate: Estimate) -> str:
         return ""
     body = [candidate_cells(each) for each in estimate.candidates]
     chosen = [row for row, each in enumerate(estimate.candidates) if each.chosen]
-    table = html_table(("model", "error", "verdict"), body, "words", bold=chosen)
+    table = html_table(CANDIDATE_COLUMNS, body, "words", bold=chosen)
     return f'<h2>{CANDIDATES_TITLE}</h2>\n{table}<p class="lead">{CANDIDATES_LEGEND}</p>'
 
 

@@ -21,6 +21,7 @@ from matest.parameters import options_of, parameters_of
 from matest.profiles import Comparison
 from matest.report import calibration
 from matest.report.format import (
+    CANDIDATE_COLUMNS,
     CANDIDATES_LEGEND,
     CANDIDATES_TITLE,
     MISFIT_COLUMNS,
@@ -208,11 +209,12 @@ def comparison_table(comparison: Comparison, notes: Sequence[str] = ()) -> Group
 
 def _candidates(estimate: Estimate) -> tuple[Table, Text, Text]:
     """The models that were tried, what they were judged on, and an empty line."""
-    columns = Column("model", no_wrap=True), Column("error", justify="right"), Column("verdict", overflow="fold")
-    table = plain_table(*columns, title=CANDIDATES_TITLE)
+    model, *errors, verdict = CANDIDATE_COLUMNS
+    columns = [Column(name, justify="right") for name in errors]
+    table = plain_table(Column(model, no_wrap=True), *columns, Column(verdict, overflow="fold"), title=CANDIDATES_TITLE)
     for candidate in estimate.candidates:
-        expression, error, verdict = candidate_cells(candidate)
-        table.add_row(_in_lines(expression), error, verdict, style="bold" if candidate.chosen else "")
+        expression, *rest = candidate_cells(candidate)
+        table.add_row(_in_lines(expression), *rest, style="bold" if candidate.chosen else "")
     return table, Text(CANDIDATES_LEGEND, style="dim"), Text()
 
 

@@ -117,3 +117,10 @@ def test_refining_what_is_found_changes_nothing_where_nothing_is() -> None:
     plain, found = (matest.estimate(capture, "oren-nayar", refine=refine) for refine in ((), "auto"))
     assert found.nuisance == {}
     assert found.parameters == plain.parameters
+
+
+def test_refined_errors_that_all_images_share_hold_in_those_left_out() -> None:
+    error = off.together(off.radius(1.0), off.constant(ambient=0.02))
+    plain, refined = (named(error, holdout=[2], refine=refine) for refine in ((), ("radius", "ambient")))
+    clean = matest.estimate(capture_of(off.together(), 1), "oren-nayar", holdout=[2])
+    assert refined.holdout["relative_rmse"] < 1.05 * clean.holdout["relative_rmse"] < plain.holdout["relative_rmse"]
