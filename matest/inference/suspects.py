@@ -16,7 +16,7 @@ _LEAST_SPREAD, _LARGEST_SPREAD, _SPREADS = 1e-3, 10.0, 41
 # Logarithm of the ratio of the probabilities of the residuals with a family and without it that chance does not bring.
 _LEAST_EVIDENCE = 8.0
 # Share of the evidence of the best family from which on another one explains the residuals about as well.
-_ALIKE = 0.8
+_ALIKE = 0.7
 
 
 @dataclass(frozen=True)
