@@ -6,6 +6,7 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -15,7 +16,7 @@ from matest.estimators.covariance import Covariance, fisher
 from matest.estimators.levenberg_marquardt import at_bound, moved
 from matest.estimators.moments import SCORES, score_sums
 from matest.estimators.one_step import expand_about
-from matest.estimators.tile_sums import Expanded, over_tiles
+from matest.estimators.tile_sums import Expanded, each_tile
 from matest.estimators.unknowns import Problem
 from matest.progress import Progress, silent
 from matest.samples import Batch, Tile, Tiles
@@ -66,9 +67,26 @@ class TexelSums:
         """Whether the samples of a texel tell its factor [N, C]."""
         return self.information > 0
 
-    def __add__(self, other: TexelSums) -> TexelSums:
-        names = ("information", "scores", "cross", "common", "common_scores", "totals")
-        return TexelSums(*(getattr(self, name) + getattr(other, name) for name in names))
+    @classmethod
+    def empty(cls, texels: int, problem: Problem, parameters: int) -> TexelSums:
+        """Of no sample."""
+        size, channels = problem.size, problem.channels
+        information = torch.zeros(texels, channels)
+        return cls(
+            information=information,
+            scores=torch.zeros_like(information),
+            cross=torch.zeros(texels, channels, parameters),
+            common=torch.zeros(size, size, dtype=torch.float64),
+            common_scores=torch.zeros(size, dtype=torch.float64),
+            totals=torch.zeros(len(SCORES), dtype=torch.float64),
+        )
+
+    def add(self, pixels: Tensor, part: TexelSums) -> None:
+        """Add the sums of some samples, whose texels are at `pixels` [n]."""
+        for name in ("information", "scores", "cross"):
+            getattr(self, name).index_add_(0, pixels, getattr(part, name))
+        for name in ("common", "common_scores", "totals"):
+            getattr(self, name).add_(getattr(part, name))
 
 
 @dataclass(frozen=True, eq=False)
@@ -273,6 +291,20 @@ def _first_factors(
     return torch.where(sums.seen, factors + sums.scores / sums.information, 1.0).clamp(min=_DARKEST)
 
 
+class _Derivatives(NamedTuple):
+    """A model at n samples.
+
+    Attributes:
+        radiance: [n, C].
+        by_factor: its derivatives by the factor of the texel [n, C].
+        by_parameter: its derivatives by the parameters in common [C, Q, n].
+    """
+
+    radiance: Tensor
+    by_factor: Tensor
+    by_parameter: Tensor
+
+
 class _Model:
     """The radiance of a material with a factor of its albedo at every texel [N, C]."""
 
@@ -283,15 +315,14 @@ class _Model:
         powers = [sum(factor.name in names for factor in product) for product in self._basis.column_factors]
         self._powers = torch.tensor(powers, dtype=torch.float64)
         # A mapped parameter of the problem itself stays where it is.
-        common = [name not in mapped for name in problem.free]
-        self._slopes = self._basis.slopes * torch.tensor(common, dtype=torch.float64)
+        common = torch.tensor([name not in mapped for name in problem.free], dtype=torch.float64)
+        self._slopes = self._basis.slopes * common
 
     def radiance(self, tile: Tile) -> Tensor:
         """Of the samples of a tile [n, C]."""
-        return self._at(tile)[0]
+        return self._at(tile).radiance
 
-    def _at(self, tile: Tile) -> tuple[Tensor, Tensor, Tensor]:
-        """Radiance [n, C], its derivatives by the factors [n, C], and by the parameters in common [C, Q, n]."""
+    def _at(self, tile: Tile) -> _Derivatives:
         batch = tile.batch
         columns = self._basis.columns(tile)
         factors = self._factors[_pixels(batch)].to(batch.radiance)
@@ -305,48 +336,36 @@ class _Model:
             radiance.append(weights @ scaled)
             by_factor.append((weights * powers) @ scaled / factor)
             by_parameter.append(self._slopes[channel].to(scaled).T @ scaled)
-        return torch.stack(radiance, dim=1), torch.stack(by_factor, dim=1), torch.stack(by_parameter)
+        return _Derivatives(torch.stack(radiance, dim=1), torch.stack(by_factor, dim=1), torch.stack(by_parameter))
 
     def sums(self, tiles: Tiles, residual_scale: ResidualScale | None) -> TexelSums:
         """Sums over tiles, the likelihood expanded here; without a residual scale about the measured values."""
 
-        def expand(tile: Tile) -> Expanded[TexelSums]:
-            radiance, by_factor, by_parameter = self._at(tile)
-            about = None if residual_scale is None else radiance
-            return Expanded(
-                about, lambda tile, squares: self._sums(tile.batch, squares, radiance, by_factor, by_parameter)
-            )
+        def expand(tile: Tile) -> Expanded[tuple[Tensor, TexelSums]]:
+            derivatives = self._at(tile)
+            about = None if residual_scale is None else derivatives.radiance
+            return Expanded(about, lambda tile, squares: (_pixels(tile.batch), self._of_samples(squares, derivatives)))
 
-        parts = over_tiles(tiles, expand, residual_scale or NOISE_ALONE)
-        total = parts[0]
-        for part in parts[1:]:
-            total = total + part
+        total = TexelSums.empty(len(self._factors), self._problem, self._slopes.shape[-1])
+        for pixels, part in each_tile(tiles, expand, residual_scale or NOISE_ALONE):
+            total.add(pixels, part)
         return total
 
-    def _sums(
-        self, batch: Batch, squares: LeastSquares, radiance: Tensor, by_factor: Tensor, by_parameter: Tensor
-    ) -> TexelSums:
-        weight, residual, pixels = squares.weight, squares.response - radiance, _pixels(batch)
-        count, channels, parameters = len(self._factors), radiance.shape[1], by_parameter.shape[1]
-        weighted = weight * by_factor
-        cross = torch.stack([(weighted[:, c] * by_parameter[c]).T for c in range(channels)], dim=1)
+    def _of_samples(self, squares: LeastSquares, at: _Derivatives) -> TexelSums:
+        """Sums of the samples of a tile; those of texels are of each sample [n]."""
+        weight, residual = squares.weight, squares.response - at.radiance
+        weighted = weight * at.by_factor
+        cross = torch.stack([(weighted[:, c] * each).T for c, each in enumerate(at.by_parameter)], dim=1)
         size = self._problem.size
         common, scores = torch.zeros(size, size, dtype=torch.float64), torch.zeros(size, dtype=torch.float64)
         for channel, places in enumerate(_places(self._problem)):
-            own = by_parameter[channel] * weight[:, channel]
-            products = (own @ by_parameter[channel].T).double()
+            own = at.by_parameter[channel] * weight[:, channel]
+            products = (own @ at.by_parameter[channel].T).double()
             common.index_put_((places[:, None], places[None]), products, accumulate=True)
             scores.index_put_((places,), (own @ residual[:, channel]).double(), accumulate=True)
-        rows: Sequence[slice] = [slice(0, len(batch))]
+        rows: Sequence[slice] = [slice(0, len(weight))]
         totals = score_sums(squares, weight.T.contiguous(), residual.T.contiguous(), rows)[0]
-        return TexelSums(
-            information=radiance.new_zeros(count, channels).index_add_(0, pixels, weighted * by_factor),
-            scores=radiance.new_zeros(count, channels).index_add_(0, pixels, weighted * residual),
-            cross=radiance.new_zeros(count, channels, parameters).index_add_(0, pixels, cross),
-            common=common,
-            common_scores=scores,
-            totals=totals,
-        )
+        return TexelSums(weighted * at.by_factor, weighted * residual, cross, common, scores, totals)
 
 
 def _pixels(batch: Batch) -> Tensor:
