@@ -35,6 +35,12 @@ def estimate(
     transfer: arguments.Transfer = None,
     uncertainty: arguments.UncertaintyOf = None,
     refine: arguments.Refine = None,
+    maps: Annotated[
+        str,
+        typer.Option(
+            metavar="PARAM", help="A parameter with a value at every pixel: albedo, specular; written to maps/."
+        ),
+    ] = "",
     seed: arguments.Seed = 0,
     device: Annotated[str, typer.Option(help="Where to compute: cpu, cuda.")] = "cpu",
     pictures: arguments.Pictures = PictureSize.PREVIEW,
@@ -53,7 +59,7 @@ def estimate(
     options = arguments.options(
         model, fix, free, tie, transfer,
         holdout=arguments.indices(holdout), precision=precision, seed=seed, device=device,
-        uncertainty=arguments.uncertainty(uncertainty), refine=() if refine is None else refine,
+        uncertainty=arguments.uncertainty(uncertainty), refine=() if refine is None else refine, maps=maps,
     )  # fmt: skip
     check_options(options)
     jobs = batch.jobs(captures, out, options, " ".join(["matest", *sys.argv[1:]]), pictures)

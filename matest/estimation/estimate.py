@@ -6,18 +6,14 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from matest.errors import InputError
 from matest.estimation.freeing import determined_by_images, widened
 from matest.estimation.misreading import misdescribed, misreading
 from matest.estimation.options import AUTO, Options, Value, as_uncertainty
-from matest.estimation.photographs import photograph_fits
-from matest.estimation.prediction import relative_error
-from matest.estimation.refining import refined
+from matest.estimation.outcome import mapped_outcome, outcome_of
 from matest.estimation.remarks import message, skipped, unread_samples
-from matest.estimation.remedies import diagnoses
-from matest.estimation.residual_angles import residuals_by_angle
 from matest.estimation.result import Estimate, Fit
 from matest.estimation.selection import select
 from matest.estimation.specification import Specification, expression_of, freed, specify_unknowns
@@ -25,15 +21,13 @@ from matest.estimation.verdict import sentences
 from matest.estimation.warnings import Context, warnings
 from matest.estimators import Solution, fit
 from matest.inference.error_bars import ErrorBars
-from matest.inference.image_errors import few_samples
-from matest.inference.posterior import judge, judge_to_first_order
+from matest.inference.posterior import judge_to_first_order
 from matest.progress import Progress, silent
 from matest.samples import Samples
 from matest.samples.account import Account, AccountedSamples, CalibratedSamples
 from matest.samples.uncertainty import Uncertainty
 
 if TYPE_CHECKING:
-    from matest.brdf import Brdf
     from matest.capture import Capture
 
 
@@ -50,6 +44,7 @@ def estimate(
     device: str = "cpu",
     uncertainty: Uncertainty | Mapping[str, float | Sequence[float]] | None = None,
     refine: str | Sequence[str] = (),
+    maps: str | Sequence[str] = (),
     progress: Progress = silent,
 ) -> Estimate:
     """The material of a capture with its error bars.
@@ -69,6 +64,7 @@ def estimate(
             such as {"direction": 0.01, "pose": (0.5, 0.01)}; it comes before the capture's own.
         refine: families of errors of the calibration to estimate with the material, as ["direction", "pose"] or
             "direction,pose"; "all": every family; "auto": those that explain what the fit without them leaves.
+        maps: a parameter that multiplies the reflectance, with a value at every pixel; "albedo" is the body's.
         progress: called with a word on what is being done.
 
     Raises:
@@ -83,6 +79,7 @@ def estimate(
     options = Options(
         model=model, fix=fix or {}, free=free, tie=tie or {}, holdout=holdout, precision=precision, seed=seed,
         device=device, uncertainty=as_uncertainty(uncertainty), refine=refine,
+        maps=maps,
     )  # fmt: skip
     return estimate_with(capture, options, progress)
 
@@ -110,35 +107,26 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
             f"black in every image. {why}"
         )
     mistake = misreading(specification.problem, solution, samples, options.seed)
-    solution, calibration, found = refined(
-        solution, samples, options, capture.stated_uncertainty, progress, misread=mistake is not None
-    )
-    budget = calibration.budget(solution.problem, solution.unknowns, samples, options.seed, solution.residual_scale)
-    # Of a model under the wrong light no profile is worth its time.
-    posterior = (judge_to_first_order if mistake else judge)(solution, samples, budget=budget)
-    drawn = few_samples(samples, options.seed)
-    images = photograph_fits(solution, samples, capture.scene, drawn)
-    diagnosis = [mistake.diagnosis] if mistake else diagnoses(found)
-    said = [one.message for one in diagnosis]
+    outcome = (mapped_outcome if options.maps else outcome_of)(solution, samples, capture, options, mistake, progress)
+    solution, posterior = outcome.solution, outcome.posterior
+    said = [one.message for one in outcome.diagnosis]
     if selection:
-        said += sentences(selection, [*calibration.refined], explained=bool(found))
-    explained = bool(diagnosis) or selection is not None
+        said += sentences(selection, outcome.refined, explained=bool(outcome.diagnosis))
+    said += outcome.notes
+    explained = bool(outcome.diagnosis) or selection is not None
     context = Context(
         samples, specification, solution, posterior, options.precision, said, explained, mistake is not None,
-        images=images,
+        images=outcome.images, mapped=bool(outcome.maps),
     )  # fmt: skip
-    random = all(cause.refined for cause in found)
-    sentence = message(solution, posterior.bars, unread_samples(samples, solution), random=random)
-    material = solution.problem.material(solution.unknowns)
+    sentence = message(solution, posterior.bars, unread_samples(samples, solution), random=outcome.is_random)
     held_out = sorted({*options.holdout})
-    holdout = _holdout(capture, material, held_out, solution)
     # Noise belongs to the fit: reading is decoding, geometry is normals, rays and directions.
     fit_s = time.perf_counter() - clock + capture.timing.get("noise", 0.0)
     return Estimate(
         capture=capture.name,
-        model=expression_of(material, expression),
-        material=material,
-        parameters=dict(posterior.estimates),
+        model=expression_of(outcome.material, expression),
+        material=outcome.material,
+        parameters=dict(outcome.parameters),
         labels=list(posterior.labels),
         correlation=[list(row) for row in posterior.correlation],
         fit=summary(samples, solution, posterior.bars, sentence),
@@ -146,13 +134,14 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         candidates=selection.candidates if selection else [],
         skipped=skipped(samples, solution, len(held_out), selection.unsupported if selection else []),
         timing_s={**{stage: capture.timing.get(stage, 0.0) for stage in ("read", "geometry")}, "fit": fit_s},
-        holdout=holdout,
-        nuisance=calibration.estimates(solution, posterior, samples),
-        diagnosis=diagnosis,
+        holdout={"images": held_out, "relative_rmse": outcome.error_of(held_out)} if held_out else None,
+        nuisance=outcome.nuisance,
+        diagnosis=outcome.diagnosis,
         misreading=mistake,
-        images=images,
+        images=outcome.images,
         residual_scale=solution.residual_scale,
-        residuals=residuals_by_angle(solution, drawn[0]),
+        residuals=outcome.residuals,
+        maps=outcome.maps,
         warnings=warnings(context),
     )
 
@@ -212,13 +201,6 @@ def summary(samples: AccountedSamples, solution: Solution, bars: ErrorBars, sent
         outliers=statistics.outliers,
         values_left_out=int(statistics.total("outliers")),
     )
-
-
-def _holdout(capture: Capture, material: Brdf, images: Sequence[int], solution: Solution) -> dict[str, Any] | None:
-    """The error at the images that were left out of the fit; None where there are none."""
-    if not images:
-        return None
-    return {"images": images, "relative_rmse": relative_error(capture, material, images, solution)}
 
 
 def _of_one_channel(value: Value, channels: int) -> Value:

@@ -38,6 +38,7 @@ class Options:
         uncertainty: of the calibration; what it states comes before what the capture states.
         refine: families of errors of the calibration to estimate with the material, names or one text that commas
             separate; becomes a tuple, "all" every family.
+        maps: parameters with a value at every pixel; "albedo" is the body's, whatever the model calls it.
 
     Raises:
         InputError: a precision outside 0 to 1, another choice of `auto`, a slip in that name, an unknown family.
@@ -54,10 +55,18 @@ class Options:
     transfer: str | float | None = None
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
     refine: Sequence[str] = ()
+    maps: str | Sequence[str] = ()
 
     def __post_init__(self) -> None:
         with errors_of("--refine"):
             object.__setattr__(self, "refine", families(self.refine))
+        if isinstance(self.maps, str):
+            object.__setattr__(self, "maps", tuple(name for name in map(str.strip, self.maps.split(",")) if name))
+        if len(self.maps) > 1:
+            raise InputError(f"--maps {','.join(self.maps)}: one parameter at a time has a map; name one, as albedo.")
+        if self.maps and (self.refine or self.precision):
+            other = "--refine" if self.refine else "--precision"
+            raise InputError(f"--maps and {other} do not go together: leave one of them out.")
         if self.precision is not None and not 0 < self.precision < 1:
             raise InputError(
                 f"precision is a relative standard error, such as 0.001, between 0 and 1; got {self.precision}."

@@ -13,6 +13,7 @@ import torch
 from matest.brdf import Brdf, model
 from matest.errors import InputError
 from matest.estimation.calibration import NuisanceEstimate
+from matest.estimation.mapping import ParameterMap
 from matest.estimation.misreading import Misreading
 from matest.estimation.photographs import PhotographFit
 from matest.estimation.remedies import Diagnosis
@@ -96,6 +97,7 @@ class Estimate:
         nuisance: errors of the calibration that were refined or allowed for, by family.
         diagnosis: causes of residuals, the one that explains most first; empty where they are random.
         images: how well each fitted photograph is described, in their order; empty for a table.
+        maps: values at every pixel, by name of the parameter; `parameters` then has their means.
         skipped: what was not computed, and why: components, samples, work.
         timing_s: seconds per stage.
         holdout: images left out of the fit and the error there.
@@ -119,6 +121,7 @@ class Estimate:
     nuisance: dict[str, NuisanceEstimate] = field(default_factory=dict)
     diagnosis: list[Diagnosis] = field(default_factory=list)
     images: list[PhotographFit] = field(default_factory=list)
+    maps: dict[str, ParameterMap] = field(default_factory=dict)
     skipped: dict[str, Any] = field(default_factory=dict)
     timing_s: dict[str, float] = field(default_factory=dict)
     holdout: dict[str, Any] | None = None
@@ -168,6 +171,10 @@ class Estimate:
             "nuisance": {name: asdict(errors) for name, errors in self.nuisance.items()},
             "diagnosis": [asdict(cause) for cause in self.diagnosis],
             "images": [asdict(image) for image in self.images],
+            "maps": {
+                name: {"value": map_file(name), "std": map_file(name, "std"), "determined": each.determined}
+                for name, each in self.maps.items()
+            },
             "skipped": self.skipped,
             "timing_s": self.timing_s,
         }
@@ -180,10 +187,16 @@ class Estimate:
 
         Values that the images do not determine are those of the best fit; `not_determined` names them.
         """
-        values = {name: value.tolist() for name, value in self.material.parameters.items()}
+        means = {name: each.mean for name, each in self.maps.items()}
+        values = {name: means.get(name, value).tolist() for name, value in self.material.parameters.items()}
         radiometry = "relative" if self.relative else "absolute"
         not_determined = [name for name, parameter in self.parameters.items() if parameter.status == "not determined"]
         return {"model": self.model, "radiometry": radiometry, "parameters": values, "not_determined": not_determined}
+
+
+def map_file(name: str, kind: str = "") -> str:
+    """The file of a map in a result folder; `kind` is "std" for its standard errors."""
+    return f"maps/{name}{'_' * bool(kind)}{kind}.exr"
 
 
 def material_is_relative(path: str | Path) -> bool:

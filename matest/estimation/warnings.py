@@ -54,6 +54,7 @@ class Context:
         misread: whether it is since the capture is described wrongly.
         channels: names of the channels; empty: R, G, B, or numbers.
         images: how well each photograph is described.
+        mapped: whether every pixel has a value of its own of a parameter.
     """
 
     samples: AccountedSamples
@@ -66,6 +67,7 @@ class Context:
     misread: bool = False
     channels: Sequence[str] = ()
     images: Sequence[PhotographFit] = ()
+    mapped: bool = False
 
     @property
     def account(self) -> Account:
@@ -274,7 +276,9 @@ def _lobes_not_seen(context: Context) -> Iterator[str]:
 
 def _too_few_pixels(context: Context) -> Iterator[str]:
     bars = context.posterior.bars
-    if not bars.holds and bars.kind == "fisher":
+    if context.mapped and not bars.holds:
+        yield "Beside a map error bars grow with the residuals alone: errors that images share are not in them."
+    elif not bars.holds and bars.kind == "fisher":
         yield "There are too few pixels for error bars that allow for the misfit of the model."
 
 

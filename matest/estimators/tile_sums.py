@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Generic, NamedTuple, TypeVar
 
 import torch
@@ -31,6 +31,14 @@ class Expanded(NamedTuple, Generic[Sums]):
 def over_tiles(tiles: Tiles, expand: Callable[[Tile], Expanded[Sums]], residual_scale: ResidualScale) -> list[Sums]:
     """The sums of every tile, in their order; of one whose smooth squares are split, several.
 
+    Arguments are those of `each_tile`.
+    """
+    return list(each_tile(tiles, expand, residual_scale))
+
+
+def each_tile(tiles: Tiles, expand: Callable[[Tile], Expanded[Sums]], residual_scale: ResidualScale) -> Iterator[Sums]:
+    """The same one after another, so that they need not be kept.
+
     Args:
         tiles: groups of functions that give a tile each; the tiles of a group are worked on at the same time.
         expand: gives the model at a tile.
@@ -52,4 +60,4 @@ def over_tiles(tiles: Tiles, expand: Callable[[Tile], Expanded[Sums]], residual_
                 problem = tile.first_guess() if reference is None else tile.about(reference, residual_scale)
             return [*parts, sums(tile, problem)]
 
-    return list(in_groups(sum_tile, tiles))
+    return in_groups(sum_tile, tiles)

@@ -80,6 +80,14 @@ class PhotographSamples(LitPixels):
         """The errors of the calibration of these kinds (`NUISANCES`), and what they do to the samples."""
         return PhotographCalibration(self, self.groups, names)
 
+    @property
+    def texels(self) -> int:
+        return len(self.photographs.scene.surface)
+
+    def single_pixels(self) -> Tiles:
+        """See `CalibratedSamples`."""
+        return self.tiles(merge=False)
+
     def of_pixels(self, count: int, seed: int) -> tuple[Batch, float]:
         """All samples at about `count` random pixels of the surface, and by how much there are more of them.
 

@@ -19,12 +19,13 @@ from matest.errors import InputError
 from matest.estimation.prediction import PredictionErrors
 from matest.estimation.result import Estimate
 from matest.progress import Progress, silent
+from matest.report.maps import write_maps
 from matest.report.page import page
 from matest.report.picture_size import PictureSize
 from matest.report.pictures import write_pictures
 
 # What matest writes into a result or prediction folder; a folder with anything else in it is not replaced.
-_WRITTEN_NAMES = {"result.json", "prediction.json", "material.json", "report.html", "profile.csv", "images"}
+_WRITTEN_NAMES = {"result.json", "prediction.json", "material.json", "report.html", "profile.csv", "images", "maps"}
 
 
 def check_destination(out: Path, marker: str) -> None:
@@ -99,6 +100,7 @@ def write_result(
     progress("writing the report")
     with whole_folder(out) as folder:
         write_pictures(capture, estimate.material, folder, pictures, residual_scale=estimate.residual_scale)
+        write_maps(estimate, capture.scene.surface, folder)
         write_json(folder / "material.json", estimate.material_dict())
         timing = {**estimate.timing_s, "report": time.perf_counter() - clock}
         timing["total"] = sum(timing.values())

@@ -18,6 +18,7 @@ from matest.report.format import (
     share,
     stages,
 )
+from matest.report.maps import BRIGHTEST, picture_file
 from matest.report.pictures import MEAN_RANGE, MEAN_RESIDUAL, RESIDUAL_RANGE
 
 _STYLE = """
@@ -50,6 +51,7 @@ def page(estimate: Estimate, files: list[str], step: int | None = 1) -> str:
     sections = (
         parameters(estimate),
         _calibration(estimate),
+        _maps(estimate),
         _fit(estimate),
         _holdout(estimate, files),
         candidates(estimate),
@@ -144,6 +146,24 @@ def _photographs(estimate: Estimate) -> str:
     legend = f"{photographs.not_shown(estimate.images)}{photographs.LEGEND} {photographs.ODD_LEGEND if odd else ''}"
     table = html_table(head, body, "numbers", odd)
     return f'<h2>{photographs.TITLE}</h2>\n{table}<p class="lead">{escape(legend)}</p>'
+
+
+def _maps(estimate: Estimate) -> str:
+    """Previews of maps and of their standard errors; empty where there are none."""
+    if not estimate.maps:
+        return ""
+    figures = "".join(
+        f'<figure><img src="{picture_file(name, kind)}" alt="{caption}" loading="lazy">'
+        f"<figcaption>{escape(caption)}</figcaption></figure>"
+        for name in estimate.maps
+        for kind, caption in (("", name), ("std", f"standard error of {name}, relative"))
+    )
+    known = ", ".join(f"{each.determined:.0%} of the pixels of {name}" for name, each in estimate.maps.items())
+    legend = (
+        f"Values as sRGB shows them; standard errors from 0 (dark) to {BRIGHTEST:.0%} (bright). Known to half of their "
+        f"value: {known}. The numbers are in maps/, 0 where no photograph tells them."
+    )
+    return f'<h2>Maps</h2>\n<p>{escape(legend)}</p>\n<div class="images">{figures}</div>'
 
 
 def _residuals(estimate: Estimate, count: int, step: int | None) -> str:

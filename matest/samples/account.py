@@ -11,6 +11,7 @@ from matest.samples.calibration import Calibration
 from matest.samples.reading import Reading
 from matest.samples.redundancy import Redundancy
 from matest.samples.source import Samples
+from matest.samples.tiles import Tiles
 
 
 @dataclass(frozen=True)
@@ -64,10 +65,17 @@ class CalibratedSamples(AccountedSamples, Protocol):
 
     Attributes:
         calibration_names: of the kinds of errors that have an effect on them.
+        texels: N, the number of pixels of the object.
     """
 
     @property
     def calibration_names(self) -> Sequence[str]: ...
+
+    @property
+    def texels(self) -> int: ...
+
+    def single_pixels(self) -> Tiles:
+        """All samples, each of one pixel."""
 
     def calibration(self, names: Sequence[str]) -> Calibration:
         """The errors of some kinds, in the order of their unknowns, and what they do to the samples."""

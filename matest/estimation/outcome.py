@@ -1,0 +1,124 @@
+"""What a fit comes to: with errors of the calibration, or with a map of the albedo."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from matest.brdf import Brdf
+from matest.estimation.calibration import NuisanceEstimate
+from matest.estimation.mapping import ParameterMap, with_maps
+from matest.estimation.misreading import Misreading
+from matest.estimation.options import Options
+from matest.estimation.photographs import PhotographFit, photograph_fits
+from matest.estimation.prediction import relative_error
+from matest.estimation.refining import refined
+from matest.estimation.remedies import Diagnosis, diagnoses
+from matest.estimation.residual_angles import AngularResiduals, residuals_by_angle
+from matest.estimators import Solution
+from matest.inference.image_errors import few_samples
+from matest.inference.posterior import Posterior, judge, judge_to_first_order
+from matest.inference.quantities import ParameterEstimate
+from matest.progress import Progress
+from matest.samples.account import CalibratedSamples
+
+if TYPE_CHECKING:
+    from matest.capture import Capture
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What a fit comes to.
+
+    Attributes:
+        solution: of the fit.
+        posterior: of its unknowns.
+        material: the model at the solution, with a value at every pixel of what is mapped.
+        parameters: by name.
+        error_of: the relative error on photographs of these numbers, which were left out.
+        refined: families of errors of the calibration that were estimated.
+        is_random: whether nothing is known that would explain residuals.
+        nuisance, diagnosis, images, residuals, maps: as in `Estimate`.
+        notes: sentences on what error bars do not hold.
+    """
+
+    solution: Solution
+    posterior: Posterior
+    material: Brdf
+    parameters: Mapping[str, ParameterEstimate]
+    error_of: Callable[[Sequence[int]], float | None]
+    refined: Sequence[str] = ()
+    is_random: bool = True
+    nuisance: dict[str, NuisanceEstimate] = field(default_factory=dict)
+    diagnosis: list[Diagnosis] = field(default_factory=list)
+    images: list[PhotographFit] = field(default_factory=list)
+    residuals: Mapping[str, AngularResiduals] = field(default_factory=dict)
+    maps: dict[str, ParameterMap] = field(default_factory=dict)
+    notes: Sequence[str] = ()
+
+
+def outcome_of(
+    solution: Solution,
+    samples: CalibratedSamples,
+    capture: Capture,
+    options: Options,
+    mistake: Misreading | None,
+    progress: Progress,
+) -> Outcome:
+    """The fit with errors of the calibration, as options and residuals ask for them.
+
+    Args:
+        solution: with the calibration as it is stated.
+        samples: that were fitted.
+        capture: that they are of.
+        options: what to estimate.
+        mistake: in the description of the capture; None: there is none.
+        progress: called with a word on what is being done.
+    """
+    solution, calibration, found = refined(
+        solution, samples, options, capture.stated_uncertainty, progress, misread=mistake is not None
+    )
+    budget = calibration.budget(solution.problem, solution.unknowns, samples, options.seed, solution.residual_scale)
+    # Of a model under the wrong light no profile is worth its time.
+    posterior = (judge_to_first_order if mistake else judge)(solution, samples, budget=budget)
+    drawn = few_samples(samples, options.seed)
+    material = solution.problem.material(solution.unknowns)
+    return Outcome(
+        solution=solution,
+        posterior=posterior,
+        material=material,
+        parameters=posterior.estimates,
+        error_of=lambda images: relative_error(capture, material, images, solution),
+        refined=[*calibration.refined],
+        is_random=all(cause.refined for cause in found),
+        nuisance=calibration.estimates(solution, posterior, samples),
+        diagnosis=[mistake.diagnosis] if mistake else diagnoses(found),
+        images=photograph_fits(solution, samples, capture.scene, drawn),
+        residuals=residuals_by_angle(solution, drawn[0]),
+    )
+
+
+def mapped_outcome(
+    solution: Solution,
+    samples: CalibratedSamples,
+    capture: Capture,
+    options: Options,
+    mistake: Misreading | None,
+    progress: Progress,
+) -> Outcome:
+    """The fit in which every pixel has its own albedo; arguments are those of `outcome_of`."""
+    mapped = with_maps(solution, samples, options, progress)
+    posterior = judge_to_first_order(mapped.solution, samples)
+    stated = capture.stated_uncertainty.merged(options.uncertainty).stated
+    note = f"Error bars beside a map do not hold stated errors of the calibration ({', '.join(stated)})."
+    return Outcome(
+        solution=mapped.solution,
+        posterior=posterior,
+        material=mapped.material,
+        parameters=mapped.parameters(posterior.estimates),
+        error_of=lambda images: mapped.error_of(capture.photographs.samples(images)),
+        diagnosis=[mistake.diagnosis] if mistake else [],
+        maps=dict(mapped.maps),
+        notes=[note] if stated else [],
+    )

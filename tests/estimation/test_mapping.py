@@ -1,0 +1,81 @@
+"""Maps as a result has them, and what they cannot be asked for."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import matest
+from matest import InputError
+from matest.benchmark.instruments import miscalibration as off
+from matest.benchmark.instruments.photographs import vase
+from matest.photographs.images import read_image
+from matest.report.folder import write_result
+from tests.estimation.test_diagnosis import GLOSS, capture_of
+
+VARIED = off.two_regions(0.2)
+
+
+def test_a_map_leaves_the_noise_where_one_albedo_does_not() -> None:
+    capture = capture_of(VARIED, 1)
+    plain, mapped = (matest.estimate(capture, "oren-nayar", holdout=[3], maps=maps) for maps in ((), "albedo"))
+    assert plain.fit.reduced_chi2 > 20
+    assert mapped.fit.reduced_chi2 < 1.1
+    low, high = mapped.parameters["sigma"].interval95
+    assert low < 0.4 < high
+    assert mapped.holdout["relative_rmse"] < 0.3 * plain.holdout["relative_rmse"]
+    assert "to their noise" in mapped.fit.message
+
+
+def test_the_table_has_the_mean_of_the_map() -> None:
+    estimate = matest.estimate(capture_of(VARIED, 1), "oren-nayar", maps="albedo")
+    each, mean = estimate.maps["albedo"], estimate.parameters["albedo"]
+    np.testing.assert_allclose(mean.value, np.nanmean(each.value.numpy(), axis=0), rtol=1e-5)
+    assert mean.status == "determined"
+    assert each.determined > 0.8
+    assert estimate.to_dict()["maps"]["albedo"]["value"] == "maps/albedo.exr"
+
+
+def test_albedo_is_that_of_the_body_whatever_it_is_called() -> None:
+    capture = capture_of(VARIED, 1, vase(off.SIZE), GLOSS, "diffuse")
+    estimate = matest.estimate(capture, "cook-torrance", fix={"f0": 0.04}, maps="albedo")
+    assert [*estimate.maps] == ["diffuse"]
+    low, high = estimate.parameters["slope"].interval95
+    assert low < 0.2 < high
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ({"maps": "sigma"}, "--maps sigma: only what multiplies the reflectance has a map.*name one of albedo"),
+        ({"maps": "gloss"}, "--maps gloss: oren-nayar estimates no such parameter; name one of albedo"),
+        ({"maps": "albedo,sigma"}, "one parameter at a time has a map"),
+        ({"maps": "albedo", "refine": "ambient"}, "--maps and --refine do not go together"),
+        ({"maps": "albedo", "precision": 0.01}, "--maps and --precision do not go together"),
+    ],
+)
+def test_what_has_no_map_is_refused_with_the_mend(options: dict, sentence: str) -> None:
+    with pytest.raises(InputError, match=sentence):
+        matest.estimate(capture_of(VARIED, 1), "oren-nayar", **options)
+
+
+def test_a_result_folder_has_the_maps(tmp_path) -> None:
+    capture = capture_of(VARIED, 1)
+    estimate = matest.estimate(capture, "oren-nayar", maps="albedo")
+    write_result(estimate, capture, tmp_path / "out")
+    value, std = (read_image(tmp_path / "out" / "maps" / f"albedo{kind}.exr") for kind in ("", "_std"))
+    assert value.shape == std.shape == (off.SIZE, off.SIZE, 3)
+    on_object = value[capture.scene.surface.pixels // off.SIZE, capture.scene.surface.pixels % off.SIZE]
+    expected = np.nan_to_num(estimate.maps["albedo"].value.numpy())
+    np.testing.assert_array_equal(on_object, expected)
+    known = read_image(tmp_path / "out" / "maps" / "albedo_known.png")[..., 0]
+    np.testing.assert_array_equal(known > 0, (value > 0).all(axis=2))
+    assert (std[known > 0] > 0).all()
+    assert json.loads((tmp_path / "out" / "result.json").read_text("utf-8"))["maps"]["albedo"]["determined"] > 0.8
+    page = (tmp_path / "out" / "report.html").read_text("utf-8")
+    assert 'src="maps/albedo.png"' in page
+    assert (tmp_path / "out" / "maps" / "albedo_std.png").is_file()
+    # The material that is stored has one value: a folder can be read by other programs as before.
+    assert matest.load_material(tmp_path / "out").parameters["albedo"].shape == (3,)
