@@ -60,10 +60,12 @@ REMEDIES = {
         "smooth them, or state --uncertainty normal_noise=VALUE",
         "°",
     ),
-    "albedo_field": Remedy("an albedo that varies by {size} over the object", "mask a part of one colour"),
+    "albedo_field": Remedy(
+        "an albedo that varies by {size} over the object", "estimate it at every pixel with --maps albedo"
+    ),
     "albedo_noise": Remedy(
         "an albedo that varies by {size} from pixel to pixel",
-        "mask a part of one colour, or state --uncertainty albedo_noise=VALUE",
+        "estimate it at every pixel with --maps albedo, or state --uncertainty albedo_noise=VALUE",
     ),
     "blur": Remedy(
         "images that are blurred by {size}, of which a pixel's own area is 0.3 px",
