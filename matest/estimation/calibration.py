@@ -85,11 +85,13 @@ class Calibration:
         stated: standard deviation of the errors of every family that is stated.
         refined: standard deviation of those of the families to refine, stated or assumed.
         found: size of those that explain residuals, and were neither stated nor refined.
+        seen: families of `refined` that are refined since they explain residuals.
     """
 
     stated: Mapping[str, float]
     refined: Mapping[str, float]
     found: Mapping[str, float] = field(default_factory=dict)
+    seen: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, options: Options, capture: Uncertainty, samples: CalibratedSamples, problem: Problem) -> Calibration:
@@ -121,7 +123,8 @@ class Calibration:
 
     def refining(self, sizes: Mapping[str, float]) -> Calibration:
         """The same with further families refined, by name how large their errors seem to be."""
-        return replace(self, refined={**self.refined, **{name: self.stated.get(name, sizes[name]) for name in sizes}})
+        further = {name: self.stated.get(name, size) for name, size in sizes.items()}
+        return replace(self, refined={**self.refined, **further}, seen=tuple(sizes))
 
     def with_found(self, sizes: Mapping[str, float]) -> Calibration:
         """The same with errors that explain residuals, by family their size."""
@@ -180,7 +183,8 @@ class Calibration:
         if estimate is not None:
             spread = solution.problem.spreads[name] / family.spread
             if name not in self.stated:
-                origin = "estimated" if family.count >= MIN_UNKNOWNS else "assumed"
+                few = "found" if name in self.seen else "assumed"
+                origin = "estimated" if family.count >= MIN_UNKNOWNS else few
             errors = solution.unknowns[solution.problem.where[name]]
             size = float(errors.square().mean().sqrt()) / family.spread
         adds, limits = _part_of_error_bars(posterior, name)
@@ -238,6 +242,14 @@ def _spreads(uncertainty: Uncertainty) -> dict[str, float]:
 def centred(samples: CalibratedSamples) -> tuple[str, ...]:
     """Families whose mean is part of the unknown scale of the lights."""
     return ("intensity", "exposure") if samples.relative else ()
+
+
+def implausible(solution: Solution) -> list[str]:
+    """Families of refined errors that came out larger than those of a calibration are."""
+    problem = solution.problem
+    sizes = {name: float(solution.unknowns[problem.where[name]].square().mean().sqrt()) for name in problem.spreads}
+    families = {name: problem.family(name) for name in sizes}
+    return [name for name, size in sizes.items() if size > families[name].largest * families[name].spread]
 
 
 def families_of(samples: CalibratedSamples, problem: Problem) -> dict[str, Family]:

@@ -28,8 +28,10 @@ _SAMPLES, _PIXELS = 8_000, 400
 _MOST_CAUSES = 4
 # Standard errors up to which a number is zero by chance.
 _CHANCE_DEVIATIONS = 4.0
-# Times that errors are as large as is usual, beyond which they are none of a calibration: something else is wrong.
-_IMPLAUSIBLE = 10.0
+# Variance, pixels², up to which a blur is that of a pixel's own area, 1/12, and of what interpolation adds.
+_PIXEL_AREA = 0.2
+# Families that a wrong estimate of the noise near black looks like, and χ² per value that they have to explain then.
+_OFFSETS, _LEAST_OFFSET_GAIN = ("ambient", "black"), 0.05
 # Share of the misfit that a cause explains to be worth a word.
 _LEAST_SHARE = 0.01
 
@@ -49,7 +51,7 @@ class Cause:
         others: families that would explain the same about as well.
         rivals: those of them that have no more unknowns than it, by order of magnitude.
         refined: whether they have been.
-        usual: size that errors of the family usually have.
+        largest: size beyond which errors are none of a calibration.
     """
 
     family: str
@@ -62,7 +64,7 @@ class Cause:
     others: Sequence[str]
     rivals: Sequence[str]
     refined: bool = False
-    usual: float = math.inf
+    largest: float = math.inf
 
     @property
     def is_chance(self) -> bool:
@@ -70,9 +72,14 @@ class Cause:
         return self.size is not None and self.std is not None and abs(self.size) < _CHANCE_DEVIATIONS * self.std
 
     @property
+    def is_pixel_area(self) -> bool:
+        """Whether it is no fault: every photograph averages over its pixels, and a model is shaded at their centres."""
+        return self.family == "blur" and self.size is not None and 0 < self.size < _PIXEL_AREA
+
+    @property
     def is_plausible(self) -> bool:
         """Whether a calibration may be off by so much."""
-        return self.size is None or abs(self.size) < _IMPLAUSIBLE * self.usual
+        return self.size is None or abs(self.size) < self.largest
 
     @property
     def gain(self) -> float:
@@ -100,10 +107,12 @@ def causes(solution: Solution, samples: CalibratedSamples, seed: int, progress: 
     while len(found) < _MOST_CAUSES and (step := search.step(last)):
         if step.after is None:
             return [*found, step.cause]
-        misfit = (found[0] if found else step.cause).chi2_before - 1
-        if step.cause.gain < _LEAST_SHARE * misfit or step.cause.is_chance or not step.cause.is_plausible:
+        cause, misfit = step.cause, (found[0] if found else step.cause).chi2_before - 1
+        if cause.gain < _LEAST_SHARE * misfit or cause.is_chance or not cause.is_plausible:
             break
-        found.append(step.cause)
+        if cause.family in _OFFSETS and not samples.noise_stated and cause.gain < _LEAST_OFFSET_GAIN:
+            break
+        found.append(cause)
         last = step.after
     return search.second_thoughts(found, start, last)
 
@@ -219,7 +228,7 @@ def _after_refit(choice: Sequence[Suspect], family: Family, before: ScoreSums, a
         refinable=True,
         others=_names(choice),
         rivals=_rivals(choice),
-        usual=family.assumed,
+        largest=family.largest,
     )
 
 

@@ -13,6 +13,7 @@ from matest.estimation.freeing import determined_by_images, widened
 from matest.estimation.misreading import misdescribed, misreading
 from matest.estimation.options import AUTO, Options, Value, as_uncertainty
 from matest.estimation.outcome import mapped_outcome, outcome_of
+from matest.estimation.photographs import standing_out
 from matest.estimation.remarks import message, skipped, unread_samples
 from matest.estimation.result import Estimate, Fit
 from matest.estimation.selection import select
@@ -110,7 +111,9 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
     outcome = (mapped_outcome if options.maps else outcome_of)(solution, samples, capture, options, mistake, progress)
     solution, posterior = outcome.solution, outcome.posterior
     said = [one.message for one in outcome.diagnosis]
-    if selection:
+    if mistake is None:
+        said = [*standing_out(outcome.images), *said]
+    if selection and mistake is None:
         said += sentences(selection, outcome.refined, explained=bool(outcome.diagnosis))
     said += outcome.notes
     explained = bool(outcome.diagnosis) or selection is not None

@@ -14,7 +14,7 @@ from matest.estimation.options import Options
 from matest.estimation.photographs import PhotographFit, photograph_fits
 from matest.estimation.prediction import relative_error
 from matest.estimation.refining import refined
-from matest.estimation.remedies import Diagnosis, diagnoses
+from matest.estimation.remedies import Diagnosis, diagnoses, of_pixel_area
 from matest.estimation.residual_angles import AngularResiduals, residuals_by_angle
 from matest.estimators import Solution
 from matest.inference.image_errors import few_samples
@@ -76,9 +76,11 @@ def outcome_of(
         mistake: in the description of the capture; None: there is none.
         progress: called with a word on what is being done.
     """
-    solution, calibration, found = refined(
+    solution, calibration, found, notes = refined(
         solution, samples, options, capture.stated_uncertainty, progress, misread=mistake is not None
     )
+    faults = [cause for cause in found if not cause.is_pixel_area]
+    notes = [*notes, *(of_pixel_area(cause) for cause in found if cause.is_pixel_area)]
     budget = calibration.budget(solution.problem, solution.unknowns, samples, options.seed, solution.residual_scale)
     # Of a model under the wrong light no profile is worth its time.
     posterior = (judge_to_first_order if mistake else judge)(solution, samples, budget=budget)
@@ -91,11 +93,12 @@ def outcome_of(
         parameters=posterior.estimates,
         error_of=lambda images: relative_error(capture, material, images, solution),
         refined=[*calibration.refined],
-        is_random=all(cause.refined for cause in found),
+        is_random=all(cause.refined for cause in faults),
         nuisance=calibration.estimates(solution, posterior, samples),
-        diagnosis=[mistake.diagnosis] if mistake else diagnoses(found),
+        diagnosis=[mistake.diagnosis] if mistake else diagnoses(faults),
         images=photograph_fits(solution, samples, capture.scene, drawn),
         residuals=residuals_by_angle(solution, drawn[0]),
+        notes=notes,
     )
 
 

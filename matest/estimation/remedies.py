@@ -26,16 +26,20 @@ class Remedy(NamedTuple):
         what: the cause, with `{size}`.
         mend: at the bench, or in the capture.
         unit: of the size as people read it: "%", "°", "px", "".
+        axes: along which errors add up to what people call their size.
     """
 
     what: str
     mend: str
     unit: str = "%"
+    axes: int = 1
 
 
 REMEDIES = {
-    "direction": Remedy("lights that stand {size} off what is stated", "measure them anew with a mirror sphere", "°"),
-    "rotation": Remedy("all lights turned together by {size}", "check the axes in which they are stated", "°"),
+    "direction": Remedy(
+        "lights that stand {size} off what is stated", "measure them anew with a mirror sphere", "°", axes=2
+    ),
+    "rotation": Remedy("all lights turned together by {size}", "check the axes in which they are stated", "°", axes=3),
     "intensity": Remedy("lights whose strength is {size} off what is stated", "measure it with a grey card"),
     "exposure": Remedy("exposures that are {size} off what is stated", "state them as the camera recorded them"),
     "ambient": Remedy(
@@ -51,14 +55,17 @@ REMEDIES = {
         "a transfer that is {size} of the way from the stated one to sRGB's (or from sRGB's to a power)",
         "check encoding.transfer, or try --transfer",
     ),
-    "shift": Remedy("an object that lies {size} beside where it is stated to be", "fit its outline anew", "px"),
+    "shift": Remedy("an object that lies {size} beside where it is stated to be", "fit its outline anew", "px", axes=2),
     "radius": Remedy("an outline whose radius is {size} off", "fit it anew", "px"),
-    "tilt": Remedy("an object that is turned by {size}", "align the mesh anew", "°"),
-    "normals": Remedy("normals that are off by {size}, smoothly over the object", "check where the shape is from", "°"),
+    "tilt": Remedy("an object that is turned by {size}", "align the mesh anew", "°", axes=3),
+    "normals": Remedy(
+        "normals that are off by {size}, smoothly over the object", "check where the shape is from", "°", axes=2
+    ),
     "normal_noise": Remedy(
         "normals that are off by {size} from pixel to pixel",
         "smooth them, or state --uncertainty normal_noise=VALUE",
         "°",
+        axes=2,
     ),
     "albedo_field": Remedy(
         "an albedo that varies by {size} over the object", "estimate it at every pixel with --maps albedo"
@@ -99,6 +106,15 @@ class Diagnosis:
     chi2_after: float
     message: str
     others: list[str]
+
+
+def of_pixel_area(cause: Cause) -> str:
+    """A sentence on what averaging over a pixel does."""
+    how = "which was refined" if cause.refined else "which error bars hold; --refine blur allows for it"
+    return (
+        f"Pixels average over their area ({_spoken(cause)}), while the model is shaded at their centres: that shows in "
+        f"these images, {how}. It is less where the object fills more pixels."
+    )
 
 
 def diagnoses(causes: Sequence[Cause]) -> list[Diagnosis]:
@@ -157,6 +173,7 @@ def _spoken(cause: Cause) -> str:
     if size is None:
         return ""
     scale = {"%": 100.0, "°": math.degrees(1.0)}.get(unit, 1.0)
+    scale *= math.sqrt(REMEDIES[cause.family].axes)
     number = f"{scale * abs(size):.2g}" if std is None else _with_error(scale * abs(size), scale * std)
     return number + ("" if unit == "°" else " ") + unit
 

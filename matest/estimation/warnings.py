@@ -106,6 +106,9 @@ Rule = Callable[[Context], Iterator[str]]
 def warnings(context: Context, rules: Sequence[Rule] | None = None) -> list[str]:
     """The sentences of the rules that apply to an estimate; None: of all rules for photographs."""
     spoken = RULES if rules is None else rules
+    if context.misread:
+        # What else is odd follows from the mistake.
+        spoken = [rule for rule in spoken if rule not in _SYMPTOMS]
     return [*context.first, *(warning for rule in spoken for warning in rule(context))]
 
 
@@ -136,6 +139,8 @@ def _held_by_default(context: Context) -> Iterator[str]:
 
 def _f0_too_low(context: Context) -> Iterator[str]:
     """The model does not hold and an amplitude is at its upper end: the held `f0` keeps the lobe too dark."""
+    if context.explained:
+        return
     problem = context.solution.problem
     held = context.specification.default_held
     # By the component of the sum that has it.
@@ -190,10 +195,9 @@ def _twin_images(context: Context) -> Iterator[str]:
 
 
 def _odd_images(context: Context) -> Iterator[str]:
-    """Of an image whose light explains what is odd this is said, of another what leaving it out would bring."""
-    bars, said = context.posterior.bars, [*standing_out(context.images)]
-    yield from said
-    if said or bars.holds or bars.chi2 < _SPOILT_CHI2:
+    """Of an image whose light explains what is odd this is said first, of another what leaving it out would bring."""
+    bars = context.posterior.bars
+    if [*standing_out(context.images)] or bars.holds or bars.chi2 < _SPOILT_CHI2:
         return
     if (odd := spoiling_image(context.solution.statistics, context.samples)) is not None:
         position, chi2 = odd
@@ -237,7 +241,7 @@ def _poor_fit(context: Context) -> Iterator[str]:
     statistics = context.solution.statistics
     by_noise = context.posterior.bars.holds and statistics.outliers <= _OUTLIERS_BEYOND_NOISE
     # Outliers have a warning of their own.
-    if statistics.relative_rmse_trimmed > _POOR_ERROR and not by_noise and not context.misread:
+    if statistics.relative_rmse_trimmed > _POOR_ERROR and not by_noise and not context.explained:
         yield (
             f"The model misses the images by {statistics.relative_rmse_trimmed:.0%}: check encoding.transfer, the "
             "directions of the lights, and that normals have y up and z toward the viewer, or try another model."
@@ -247,7 +251,7 @@ def _poor_fit(context: Context) -> Iterator[str]:
 def _calibration_does_not_explain(context: Context) -> Iterator[str]:
     """Errors of the calibration were refined, and the misfit is not theirs: they bend to explain what they can."""
     names = [labelled(block.name) for block in context.solution.problem.nuisances]
-    if names and not context.posterior.bars.holds:
+    if names and not context.posterior.bars.holds and not context.explained:
         yield (
             f"The model does not hold with errors of {_listed(names)} refined either: what they and the "
             "parameters are may be wrong in a way that no error bar shows; look for another cause, or another model."
@@ -280,22 +284,6 @@ def _too_few_pixels(context: Context) -> Iterator[str]:
         yield "Beside a map error bars grow with the residuals alone: errors that images share are not in them."
     elif not bars.holds and bars.kind == "fisher":
         yield "There are too few pixels for error bars that allow for the misfit of the model."
-
-
-def _averaged_slopes(context: Context) -> Iterator[str]:
-    """Photographs average over the slopes of the surface within a pixel, which add up with those of the facets."""
-    for name, parameter in context.parameters.items():
-        declared = context.solution.problem.brdf.declared.get(name)
-        if declared is None or declared.role is not Role.SLOPE or parameter.status != "determined":
-            continue
-        for value, std in _numbers(parameter):
-            excess = 0.5 * context.account.slope_variance / value if value else 0.0
-            if std and excess > std:
-                yield (
-                    f"{name} may be too large by {excess:.2g}, {excess / std:.3g} standard errors: a pixel of a "
-                    "photograph averages over a part of the surface, and is shaded as its centre. Let the object fill "
-                    "more pixels."
-                )
 
 
 def _few_values(context: Context) -> Iterator[str]:
@@ -359,7 +347,6 @@ RULES: tuple[Rule, ...] = (
     _seen_together,
     _not_determined,
     _lobes_not_seen,
-    _averaged_slopes,
     _too_few_pixels,
     _few_values,
     _clipping,
@@ -367,7 +354,9 @@ RULES: tuple[Rule, ...] = (
     _codes_in_steps,
     _imprecise,
 )
-# Of these the rules that hold for samples of any kind.
+# Of these the rules that tell of a misfit, whatever it is from.
+_SYMPTOMS: tuple[Rule, ...] = (_not_described, _f0_too_low, _odd_images, _outliers, _missed_angles, _poor_fit)
+# And those that hold for samples of any kind.
 GENERAL_RULES: tuple[Rule, ...] = (
     _not_described,
     _held_by_default,

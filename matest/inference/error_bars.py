@@ -10,7 +10,7 @@ from functools import partial
 import torch
 from torch import Tensor
 
-from matest.estimators import Solution, Statistics, at_bound, bounded_step
+from matest.estimators import Problem, Solution, Statistics, at_bound, bounded_step
 from matest.estimators.covariance import Covariance, correlation_of_residuals, fisher, jackknife
 from matest.inference.budget import Budget
 from matest.inference.expansion import Expansion
@@ -112,6 +112,9 @@ def error_bars(
                 # Scores of an unknown at a bound differ from block to block without its being wrong in any.
                 scatter = _scatter_of_blocks(expansion, blocks, places, free)
                 covariance, unbounded = _plus(covariance, [scatter]), _plus(unbounded, [scatter])
+        if problem.nuisances:
+            covariance = _within_priors(covariance, fisher(expansion.precision, free), problem)
+            unbounded = _within_priors(unbounded, expansion.covariance, problem)
         widening = _widening(expansion, clusters, unbounded)
     nowhere = torch.full_like(expansion.unknowns, math.nan)
     bars = ErrorBars(covariance, unbounded, bound, nowhere, widening, chi2, correlation, holds, kind)
@@ -178,6 +181,22 @@ def _scatter_of_blocks(expansion: Expansion, blocks: Statistics, places: Statist
     moves = [inverse @ clusters.gradient_by_group.T / blocks.inflation for clusters in (blocks, places)]
     of_blocks, of_places = (len(move.T) / (len(move.T) - 1) * move @ move.T for move in moves)
     return _beyond(of_blocks, _BLOCKS_BY_CHANCE * of_places)
+
+
+def _within_priors(scatter: Covariance, by_information: Covariance, problem: Problem) -> Covariance:
+    """A scatter of clusters with what it cannot tell of errors of the calibration.
+
+    Errors that only one cluster has do not scatter: theirs is the error bar by the information. And none are known less
+    well than their prior knows them.
+    """
+    matrix = scatter.matrix + _beyond(by_information.matrix, scatter.matrix)
+    for name, spread in problem.spreads.items():
+        place = torch.arange(len(matrix))[problem.where[name]]
+        loose = place[matrix.diagonal()[place] > spread**2]
+        if len(loose):
+            own = matrix[loose][:, loose] + spread**2 * torch.eye(len(loose), dtype=matrix.dtype)
+            matrix = matrix - matrix[:, loose] @ torch.linalg.solve(own, matrix[loose])
+    return replace(scatter, matrix=matrix)
 
 
 def _beyond(covariance: Tensor | float, other: Tensor) -> Tensor:

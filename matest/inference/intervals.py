@@ -67,6 +67,10 @@ def profile_intervals(
             spread, wider = guess
             profile = Profile(around(), position, wider * small_sample, position in valleys.flat)
             low, high, inside = profile.interval(spread)
+            if bars.shares:
+                # Errors of the calibration move the estimate, whatever the likelihood about it is.
+                near = _symmetric(expansion, position, float(bars.open.std[position]))
+                low, high = min(low, near[0]), max(high, near[1])
             ends[position] = (low, high)
             region += inside
     reach = quantile * bars.open.std

@@ -57,7 +57,7 @@ def page(estimate: Estimate, files: list[str], step: int | None = 1) -> str:
         candidates(estimate),
         _photographs(estimate),
         _residuals(estimate, len(files), step),
-        _images(files, step),
+        _images(estimate, files, step),
         _skipped(estimate),
         f"<h2>Time</h2>\n<p>{escape(stages(estimate.timing_s))}</p>",
     )
@@ -182,7 +182,7 @@ def _residuals(estimate: Estimate, count: int, step: int | None) -> str:
     return "\n".join(["<h2>Residuals</h2>", *said, f'<div class="images">{shown}</div>'])
 
 
-def _images(files: list[str], step: int | None) -> str:
+def _images(estimate: Estimate, files: list[str], step: int | None) -> str:
     """The pictures of every image in a row; empty where there are none."""
     if step is None:
         return ""
@@ -192,12 +192,14 @@ def _images(files: list[str], step: int | None) -> str:
         for number, file in enumerate(files)
         for kind, caption in (("photo", "photograph"), ("render", "model"), ("residual", "difference"))
     ]
+    refined = any(errors.refined for errors in estimate.nuisance.values())
+    stated = " Pictures are of the calibration as stated, without the errors that were refined." if refined else ""
     preview = f" Each picture shows one pixel of every {step}×{step}; --pictures full draws all." if step > 1 else ""
     legend = (
         "<p>Photograph, the estimated material under the same light, and their difference: red where the photograph "
         f"is brighter, blue where it is darker, full colour at {RESIDUAL_RANGE:.0%} of the rms brightness, "
         "grey where a pixel did not count (background, rim, shadow, all channels clipped). A clipped channel counts as "
-        f"agreement where the model lies beyond the clip.{preview}</p>"
+        f"agreement where the model lies beyond the clip.{preview}{stated}</p>"
     )
     return "\n".join(["<h2>Images</h2>", legend, '<div class="images">', *figures, "</div>"])
 

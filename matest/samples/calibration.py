@@ -14,6 +14,8 @@ from matest.scene.points import Points
 
 # Share of full scale. The power of a darker value is taken as that of this one, so that its logarithm stays finite.
 _DARK = 1e-4
+# Times the size of an error that nobody states, beyond which it is none of a calibration.
+_IMPLAUSIBLE = 10.0
 # Share of full scale for the derivative of a transfer.
 _STEP = 1e-3
 
@@ -42,6 +44,11 @@ class Family:
     assumed: float
     spread: float = 1.0
     of_pixels: bool = False
+
+    @property
+    def largest(self) -> float:
+        """Size of the error as a whole beyond which it is none of a calibration: something else is wrong."""
+        return _IMPLAUSIBLE * self.assumed
 
     @property
     def width(self) -> int:
