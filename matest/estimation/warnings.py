@@ -139,8 +139,6 @@ def _held_by_default(context: Context) -> Iterator[str]:
 
 def _f0_too_low(context: Context) -> Iterator[str]:
     """The model does not hold and an amplitude is at its upper end: the held `f0` keeps the lobe too dark."""
-    if context.explained:
-        return
     problem = context.solution.problem
     held = context.specification.default_held
     # By the component of the sum that has it.
@@ -286,6 +284,22 @@ def _too_few_pixels(context: Context) -> Iterator[str]:
         yield "There are too few pixels for error bars that allow for the misfit of the model."
 
 
+def _averaged_slopes(context: Context) -> Iterator[str]:
+    """Photographs average over the slopes of the surface within a pixel, which add up with those of the facets."""
+    for name, parameter in context.parameters.items():
+        declared = context.solution.problem.brdf.declared.get(name)
+        if declared is None or declared.role is not Role.SLOPE or parameter.status != "determined":
+            continue
+        for value, std in _numbers(parameter):
+            excess = 0.5 * context.account.slope_variance / value if value else 0.0
+            if std and excess > std:
+                yield (
+                    f"{name} may be too large by {excess:.2g}, {excess / std:.3g} standard errors: a pixel of a "
+                    "photograph averages over a part of the surface, and is shaded as its centre. Let the object fill "
+                    "more pixels."
+                )
+
+
 def _few_values(context: Context) -> Iterator[str]:
     values, unknowns = int(context.solution.statistics.total("values")), len(context.solution.unknowns)
     if values < _FEW_VALUES * unknowns:
@@ -295,19 +309,10 @@ def _few_values(context: Context) -> Iterator[str]:
         )
 
 
-def _clipping(context: Context) -> Iterator[str]:
-    if context.account.clipping:
-        yield context.account.clipping
-
-
-def _estimated_noise(context: Context) -> Iterator[str]:
-    if context.account.noise:
-        yield context.account.noise
-
-
-def _codes_in_steps(context: Context) -> Iterator[str]:
-    if context.account.codes:
-        yield context.account.codes
+def _stored_values(context: Context) -> Iterator[str]:
+    """Where values pile up, how the noise was estimated, and how far apart codes are."""
+    account = context.account
+    yield from filter(None, (account.clipping, account.noise, account.codes))
 
 
 def _imprecise(context: Context) -> Iterator[str]:
@@ -347,11 +352,10 @@ RULES: tuple[Rule, ...] = (
     _seen_together,
     _not_determined,
     _lobes_not_seen,
+    _averaged_slopes,
     _too_few_pixels,
     _few_values,
-    _clipping,
-    _estimated_noise,
-    _codes_in_steps,
+    _stored_values,
     _imprecise,
 )
 # Of these the rules that tell of a misfit, whatever it is from.

@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from matest.parameters import Role
+from matest.photographs.averaging import slope_variance
 from matest.photographs.calibration import PhotographCalibration
 from matest.photographs.noise import Noise, quantisation
 from matest.photographs.nuisances import NUISANCES
@@ -127,6 +128,7 @@ class PhotographSamples(LitPixels):
             pixels=scene.surface.shape[0] * scene.surface.shape[1],
             coverage=scene.surface.coverage,
             one_light_each=self._one_light_each,
+            slope_variance=slope_variance(scene.surface),
             geometry=[*_unneeded_shadows(scene.surface), *([] if sky else ["ambient light: there is none"])],
             noise="" if photographs.noise_stated else _estimated(photographs.noise),
             codes="" if encoding.step == 1 else _stretched(encoding, photographs.stored[0].dtype),

@@ -28,6 +28,7 @@ class Account:
         pixels: of one image, background included.
         coverage: share of the mask that the geometry covers.
         one_light_each: whether every image has one light, and no sky.
+        slope_variance: of the surface within a pixel, its two directions together; 0 where it is not known.
         geometry: what did not have to be computed of light and shape, as clauses.
         noise: how the noise was estimated, as a sentence; empty where it is stated.
         codes: how far apart stored codes are, as a sentence; empty where they are neighbouring integers.
@@ -44,6 +45,7 @@ class Account:
     pixels: int = 0
     coverage: float = 1.0
     one_light_each: bool = False
+    slope_variance: float = 0.0
     geometry: Sequence[str] = ()
     noise: str = ""
     codes: str = ""

@@ -92,6 +92,16 @@ def test_lights_of_unknown_scale_have_errors_that_are_zero_on_average() -> None:
 def test_a_misfit_that_refining_does_not_explain_is_told() -> None:
     gloss = CookTorrance([0.4, 0.2, 0.1], 0.8, 0.2, f0=0.04)
     estimate = matest.estimate(photographed(gloss, under_sky(0.0), 1), "lambert", refine="intensity,black,pose")
+    assert not estimate.fit.message.endswith("to their noise.")
+    assert "due to a lobe that the model does not have" in estimate.warnings[0]
+
+
+def test_a_misfit_that_nothing_explains_is_told_beside_refined_errors() -> None:
+    capture = photographed(MATERIAL, under_sky(0.0), 1)
+    # The photographs are of something else: their pixels are in any order.
+    shuffled = tuple(np.random.default_rng(0).permutation(image) for image in capture.photographs.stored)
+    capture = replace(capture, photographs=replace(capture.photographs, stored=shuffled))
+    estimate = matest.estimate(capture, "lambert", refine="intensity,black,pose")
     said = "does not hold with errors of intensity, black and shift (pose) refined either"
     assert any(said in warning for warning in estimate.warnings)
 
