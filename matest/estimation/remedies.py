@@ -42,6 +42,7 @@ REMEDIES = {
     "rotation": Remedy("all lights turned together by {size}", "check the axes in which they are stated", "°", axes=3),
     "intensity": Remedy("lights whose strength is {size} off what is stated", "measure it with a grey card"),
     "exposure": Remedy("exposures that are {size} off what is stated", "state them as the camera recorded them"),
+    "scale": Remedy("lights that are {size} off all together", "measure their strength with a grey card"),
     "ambient": Remedy(
         "light that is in every photograph, {size} of the key light",
         "subtract a photograph without the light, or state the light as ambient",

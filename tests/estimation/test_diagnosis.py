@@ -14,7 +14,9 @@ from matest.benchmark.instruments.miscalibration import Setting, photograph
 from matest.benchmark.instruments.photographs import vase
 from matest.brdf import CookTorrance, OrenNayar
 from matest.capture import Capture
+from matest.estimation.remedies import REMEDIES
 from matest.estimation.result import Estimate
+from matest.photographs.nuisances import NUISANCES
 from matest.scene import Surface
 
 DEGREE = math.radians(1)
@@ -79,6 +81,20 @@ def test_the_first_note_says_what_it_is_and_the_mend() -> None:
     assert "light that is in every photograph, 0.98" in note
     assert "--refine ambient" in note
     assert json.loads(json.dumps(estimate.to_dict()))["diagnosis"][0]["cause"] == "ambient"
+
+
+def test_every_kind_of_error_has_a_mend() -> None:
+    assert {*NUISANCES} <= {*REMEDIES}
+
+
+def test_lights_of_a_metal_that_are_all_too_strong_are_named() -> None:
+    metal = CookTorrance([0.0, 0.0, 0.0], 1.0, 0.3, f0=[0.95, 0.64, 0.54], fresnel="schlick")
+    error = off.constant(strength=1.1 * np.ones(len(LIGHTS)))
+    capture = capture_of(error, 1, None, metal, "f0")
+    held = {"f0": [0.95, 0.64, 0.54], "diffuse": 0.0, "specular": 1.0}
+    found = matest.estimate(capture, "cook-torrance(fresnel=schlick)", fix=held)
+    assert found.diagnosis[0].cause == "scale"
+    assert found.diagnosis[0].size == pytest.approx(0.1, abs=0.01)
 
 
 def test_error_bars_allow_for_what_explains_residuals() -> None:
