@@ -14,13 +14,21 @@ from matest.samples.uncertainty import labelled
 # What page and terminal call the columns.
 COLUMNS = ("error of", "n", "size ± error", "standard deviation", "most of the error bar of")
 TITLE = "Errors of the calibration"
-LEGEND = (
-    "Size: as estimated with the material; of n errors their rms, ± that of the standard errors of each. Standard "
-    "deviation: expected of each. Last column: the parameters whose error bars are mostly due to errors that were not "
-    "refined. In brackets the name for --uncertainty and --refine, where it is another."
+_OF_REFINED = "Size: as estimated with the material; of n errors their rms, ± that of the standard errors of each. "
+_OF_ALL = (
+    "Standard deviation: expected of each. Last column: the parameters whose error bars are mostly due to errors that "
+    "were not refined."
 )
+_OF_NAMES = " In brackets the name for --uncertainty and --refine."
 # In any unit of a calibration nothing.
 _NOTHING = 1e-9
+
+
+def legend(estimate: Estimate) -> str:
+    """What the columns mean, as far as they have something in them."""
+    refined = any(errors.refined for errors in estimate.nuisance.values())
+    bracketed = any(labelled(name) != name for name in estimate.nuisance)
+    return f"{_OF_REFINED if refined else ''}{_OF_ALL}{_OF_NAMES if bracketed else ''}"
 
 
 def error_rows(estimate: Estimate) -> Iterator[tuple[str, str, str, str, str]]:
@@ -62,7 +70,11 @@ def _rms(numbers: list[float]) -> float:
 
 def _in_unit(value: float, std: float | None, unit: str) -> str:
     """A number with its unit; an angle in degrees."""
-    if unit == "rad":
+    if unit == "px²" and value > 0:
+        # People know the width of a blur, not its variance.
+        width = math.sqrt(value)
+        value, std, suffix = width, None if std is None else std / (2 * width), " px"
+    elif unit == "rad":
         value, std, suffix = math.degrees(value), None if std is None else math.degrees(std), "°"
     else:
         suffix = "" if unit == "1" else f" {unit}"

@@ -102,7 +102,7 @@ def _calibration(estimate: Estimate) -> str:
         for cells, errors in zip(calibration.error_rows(estimate), estimate.nuisance.values(), strict=True)
     ]
     table = html_table((*calibration.COLUMNS, "meaning"), body)
-    return f"<h2>{calibration.TITLE}</h2>\n<p>{calibration.LEGEND}</p>\n{table}"
+    return f"<h2>{calibration.TITLE}</h2>\n<p>{calibration.legend(estimate)}</p>\n{table}"
 
 
 def _fit(estimate: Estimate) -> str:

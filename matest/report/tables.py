@@ -98,7 +98,7 @@ def _calibration(estimate: Estimate) -> tuple[Table, Text, Text]:
     for name, *cells, limits in calibration.error_rows(estimate):
         # One name a line, that of a sum's model on one of its own: the table keeps within 80 columns.
         table.add_row(name.replace(" ", "\n"), *cells, limits.replace(", ", "\n").replace(".", ".\n  "))
-    return table, Text(calibration.LEGEND, style="dim"), Text()
+    return table, Text(calibration.legend(estimate), style="dim"), Text()
 
 
 def _errors(estimate: Estimate) -> str:

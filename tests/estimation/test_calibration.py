@@ -13,7 +13,7 @@ import matest
 from matest import InputError
 from matest.benchmark.instruments import miscalibration as off
 from matest.brdf import CookTorrance, Lambert, OrenNayar
-from matest.report.calibration import error_rows
+from matest.report.calibration import error_rows, legend
 from tests.miscalibrated import STUDIO, brighter, normal_deviates, photographed, under_sky
 from tests.simulated import Studio
 
@@ -104,6 +104,14 @@ def test_a_misfit_that_nothing_explains_is_told_beside_refined_errors() -> None:
     estimate = matest.estimate(capture, "lambert", refine="intensity,black,pose")
     said = "does not hold with errors of intensity, black and shift (pose) refined either"
     assert any(said in warning for warning in estimate.warnings)
+
+
+def test_a_blur_is_told_by_its_width() -> None:
+    capture = photographed(MATERIAL, under_sky(0.0), 1, SMALL)
+    estimate = matest.estimate(capture, "oren-nayar", uncertainty={"blur": 0.5})
+    (cells,) = error_rows(estimate)
+    assert cells[3] == "0.5 px (stated)"
+    assert "Size" not in legend(estimate)
 
 
 def test_nothing_is_said_of_the_calibration_where_nothing_is_asked() -> None:
