@@ -23,7 +23,7 @@ from matest.samples.calibration import Family
 from matest.workers import single_threaded_torch
 
 # Samples that a diagnosis is made on, and pixels at least: of each the samples of all images.
-_SAMPLES, _PIXELS = 8_000, 400
+_SAMPLES, _PIXELS = 8_000, 100
 # Causes that are looked for: more of them together explain anything.
 _MOST_CAUSES = 4
 # Standard errors up to which a number is zero by chance.
@@ -32,6 +32,8 @@ _CHANCE_DEVIATIONS = 4.0
 _PIXEL_AREA = 0.2
 # Families that a wrong estimate of the noise near black looks like, and χ² per value that they have to explain then.
 _OFFSETS, _LEAST_OFFSET_GAIN = ("ambient", "black"), 0.05
+# Families of single pixels, by that of the smooth fields whose rest they may be; as large a share of it is no more.
+_RESTS, _REST = {"normal_noise": "normals", "albedo_noise": "albedo_field"}, 0.25
 # Share of the misfit that a cause explains to be worth a word.
 _LEAST_SHARE = 0.01
 
@@ -106,7 +108,7 @@ def causes(solution: Solution, samples: CalibratedSamples, seed: int, progress: 
     found: list[Cause] = []
     while len(found) < _MOST_CAUSES and (step := search.step(last)):
         if step.after is None:
-            return [*found, step.cause]
+            return found if _is_rest(step.cause, last.solution) else [*found, step.cause]
         cause, misfit = step.cause, (found[0] if found else step.cause).chi2_before - 1
         if cause.gain < _LEAST_SHARE * misfit or cause.is_chance or not cause.is_plausible:
             break
@@ -188,6 +190,15 @@ class _Search:
         return problem.calibrated(
             self._samples.calibration([*spreads]), spreads, self._samples.groups, centred(self._samples)
         )
+
+
+def _is_rest(cause: Cause, solution: Solution) -> bool:
+    """Whether errors of single pixels are what a smooth field that was fitted leaves."""
+    problem, smooth = solution.problem, _RESTS.get(cause.family)
+    if cause.size is None or smooth not in problem.spreads:
+        return False
+    field = solution.unknowns[problem.where[smooth]]
+    return cause.size < _REST * float(field.square().mean().sqrt()) / problem.family(smooth).spread
 
 
 def _spreads(problem: Problem) -> dict[str, float]:

@@ -111,6 +111,10 @@ def test_two_things_that_are_wrong_are_both_named() -> None:
     assert {cause.cause for cause in estimate.diagnosis} >= {"albedo_field", "intensity"}
 
 
+def test_what_a_smooth_field_leaves_is_no_other_cause() -> None:
+    assert [cause.cause for cause in named(off.smooth_albedo(0.1)).diagnosis] == ["albedo_field"]
+
+
 def test_a_lobe_that_a_model_lacks_is_no_error_of_the_calibration() -> None:
     capture = capture_of(off.together(), 1, vase(off.SIZE), GLOSS, "diffuse")
     first = matest.estimate(capture, "lambert").diagnosis[0]
