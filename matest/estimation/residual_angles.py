@@ -9,11 +9,10 @@ import torch
 from torch import Tensor
 
 from matest.estimators import Solution
-from matest.estimators.calibrated import CalibratedModel
+from matest.estimators.passes import radiance_model
 from matest.samples import Batch, Tile
 from matest.samples.residual_scale import half_angle
 from matest.scene.points import Points
-from matest.shading import shade
 
 # Classes of an angle, and samples of a class that are enough.
 _CLASSES = 30
@@ -47,24 +46,16 @@ def residuals_by_angle(solution: Solution, batch: Batch) -> Mapping[str, Angular
         solution: of the fit; errors of the calibration that it refined are allowed for.
         batch: the samples, a random part of those that were fitted.
     """
-    model = _radiance(solution, batch)
-    squares = Tile(batch).about(model, solution.residual_scale)
+    tile, radiance = Tile(batch), radiance_model(solution.problem, solution.unknowns)
+    with torch.no_grad():
+        model = radiance(tile)
+    squares = tile.about(model, solution.residual_scale)
     counts = (squares.plain & (squares.weight > 0)).to(model)
     signal = float((batch.radiance.square() * counts).sum() / counts.sum().clamp(min=1)) ** 0.5
     columns = torch.stack([counts, (batch.radiance - model) * counts, (batch.radiance - model).square() * counts])
     sums = torch.cat([columns, (batch.variance(model) * counts)[None]]).sum(-1).double().cpu()
     angles = {"half angle": half_angle(batch.points).sqrt().asin(), "angle of incidence": _incidence(batch.points)}
     return {name: _by_class(angle.rad2deg().cpu(), sums, signal or 1.0) for name, angle in angles.items()}
-
-
-def _radiance(solution: Solution, batch: Batch) -> Tensor:
-    """Of the model at some samples [n, C]."""
-    problem, unknowns = solution.problem, solution.unknowns
-    if problem.nuisances:
-        return CalibratedModel(problem, unknowns).radiance(batch)
-    material = problem.material(unknowns).to(batch.radiance.dtype, batch.radiance.device)
-    with torch.no_grad():
-        return shade(material, batch.points).expand_as(batch.radiance)
 
 
 def _incidence(points: Points) -> Tensor:

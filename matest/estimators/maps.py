@@ -125,19 +125,18 @@ class TexelFit:
     @cached_property
     def covariance(self) -> Covariance:
         """Of the unknowns in common; those of the mapped parameters and those at a bound have none."""
-        return fisher(_Schur(self.problem, self.mapped, self.sums).information / self.inflation, self._free)
+        free = self._schur.free & ~at_bound(self.problem, self.unknowns, self._schur.scores)
+        return fisher(self._schur.information / self.inflation, free)
 
     @cached_property
-    def _free(self) -> Tensor:
-        """Unknowns in common that are neither mapped nor at a bound [P]."""
-        schur = _Schur(self.problem, self.mapped, self.sums)
-        return schur.free & ~at_bound(self.problem, self.unknowns, schur.scores)
+    def _schur(self) -> _Schur:
+        """The unknowns in common, the texels following them."""
+        return _Schur(self.problem, self.mapped, self.sums)
 
     @property
     def sums_in_common(self) -> tuple[Tensor, Tensor]:
         """Information [P, P] and scores [P] of the unknowns in common, the texels following them."""
-        schur = _Schur(self.problem, self.mapped, self.sums)
-        return schur.information, schur.scores
+        return self._schur.information, self._schur.scores
 
     def totals_over(self, tiles: Tiles) -> Tensor:
         """Sums of the `SCORES` over other samples of the same texels; one that is not known is as the mean."""
@@ -147,7 +146,7 @@ class TexelFit:
     @property
     def mean_factor_std(self) -> Tensor:
         """Standard errors of the mean factor over all texels that are seen [C]."""
-        sums, schur = self.sums, _Schur(self.problem, self.mapped, self.sums)
+        sums, schur = self.sums, self._schur
         variances = []
         for channel, places in enumerate(schur.places):
             seen = sums.seen[:, channel]
@@ -156,10 +155,10 @@ class TexelFit:
             variances.append(own + move @ inside @ move)
         return torch.stack(variances).sqrt()
 
-    @property
+    @cached_property
     def factor_std(self) -> Tensor:
         """Standard errors of the factors [N, C]: of a texel's own samples, and of the unknowns in common."""
-        sums, schur = self.sums, _Schur(self.problem, self.mapped, self.sums)
+        sums, schur = self.sums, self._schur
         own = self.inflation / sums.information
         variances = []
         for channel in range(own.shape[1]):
