@@ -12,6 +12,7 @@ from torch import Tensor
 from matest.brdf import Brdf
 from matest.errors import InputError
 from matest.estimation.options import Options
+from matest.estimation.parameter_map import ParameterMap, TexelStatus, with_maps
 from matest.estimators import Problem, Solution, Statistics
 from matest.estimators.calibrated import body_albedos
 from matest.estimators.maps import TexelFit, fit_maps
@@ -31,37 +32,6 @@ _DETERMINED = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class ParameterMap:
-    """A parameter at every one of the N pixels of the object.
-
-    Attributes:
-        name: of the parameter.
-        value: [N, C]; NaN where no photograph tells it.
-        std: standard errors [N, C]; NaN likewise.
-        determined: share of the pixels that are known to half of their value.
-    """
-
-    name: str
-    value: Tensor
-    std: Tensor
-    determined: float
-
-    @classmethod
-    def of(cls, name: str, fit: TexelFit, mean: Tensor) -> ParameterMap:
-        """The map of a parameter whose value was `mean` [C] for a factor of 1."""
-        upper = fit.problem.domain(name).upper
-        value = (fit.factors * mean.to(fit.factors)).clamp(max=upper)
-        std = fit.factor_std.to(fit.factors) * mean.to(fit.factors)
-        known = (std < _DETERMINED * value).all(dim=1)
-        return cls(name, value, std, float(known.double().mean()))
-
-    @property
-    def mean(self) -> Tensor:
-        """Over the pixels whose value is known [C]."""
-        return self.value.nanmean(dim=0).double()
-
-
-@dataclass(frozen=True, eq=False)
 class Mapped:
     """A fit with maps.
 
@@ -77,12 +47,8 @@ class Mapped:
 
     @property
     def material(self) -> Brdf:
-        """The model with a value at every pixel of what is mapped; that of the mean where it is not known."""
-        material = self.solution.problem.material(self.solution.unknowns)
-        values = {name: each.value.double() for name, each in self.maps.items()}
-        return material.replace(
-            {name: torch.where(value.isnan(), self.maps[name].mean, value) for name, value in values.items()}
-        )
+        """The model with a value at every pixel of what is mapped."""
+        return with_maps(self.solution.problem.material(self.solution.unknowns), self.maps)
 
     def error_of(self, samples: CalibratedSamples) -> float | None:
         """The relative error on samples that were not fitted; None where there is none."""
@@ -111,7 +77,7 @@ class Mapped:
         )
 
 
-def with_maps(solution: Solution, samples: CalibratedSamples, options: Options, progress: Progress) -> Mapped:
+def fit_with_maps(solution: Solution, samples: CalibratedSamples, options: Options, progress: Progress) -> Mapped:
     """The fit in which every pixel of the object has its own albedo.
 
     Args:
@@ -128,8 +94,19 @@ def with_maps(solution: Solution, samples: CalibratedSamples, options: Options, 
     few, _ = samples.of_pixels(_TEXELS, options.seed)
     fit = fit_maps(problem, solution.unknowns, names, few, samples.single_pixels(), samples.texels, progress)
     values = problem.values(fit.unknowns)
-    maps = {name: ParameterMap.of(name, fit, values[name].expand(problem.channels)) for name in names}
+    maps = {name: _map(name, fit, values[name].expand(problem.channels)) for name in names}
     return Mapped(_in_common(fit, maps, solution), maps, fit)
+
+
+def _map(name: str, fit: TexelFit, mean: Tensor) -> ParameterMap:
+    """The map of a parameter whose value was `mean` [C] for a factor of 1."""
+    upper = fit.problem.domain(name).upper
+    value = (fit.factors * mean.to(fit.factors)).clamp(max=upper)
+    std = fit.factor_std.to(fit.factors) * mean.to(fit.factors)
+    status = torch.where((std < _DETERMINED * value).all(dim=1), TexelStatus.DETERMINED, TexelStatus.SHARED)
+    status[(value >= upper).any(dim=1)] = TexelStatus.AT_BOUND
+    status[value.isnan().any(dim=1)] = TexelStatus.UNSEEN
+    return ParameterMap(name, value, std, status.to(torch.uint8))
 
 
 def _mapped(problem: Problem, name: str) -> list[str]:

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 from matest.brdf import Brdf
 from matest.estimation.calibration import NuisanceEstimate
-from matest.estimation.mapping import ParameterMap, with_maps
+from matest.estimation.mapping import fit_with_maps
 from matest.estimation.misreading import Misreading
 from matest.estimation.options import Options
+from matest.estimation.parameter_map import ParameterMap
 from matest.estimation.photographs import PhotographFit, photograph_fits
 from matest.estimation.prediction import relative_error
 from matest.estimation.refining import refined
@@ -111,7 +112,7 @@ def mapped_outcome(
     progress: Progress,
 ) -> Outcome:
     """The fit in which every pixel has its own albedo; arguments are those of `outcome_of`."""
-    mapped = with_maps(solution, samples, options, progress)
+    mapped = fit_with_maps(solution, samples, options, progress)
     posterior = judge_to_first_order(mapped.solution, samples)
     stated = capture.stated_uncertainty.merged(options.uncertainty).stated
     note = f"Error bars beside a map do not hold stated errors of the calibration ({', '.join(stated)})."

@@ -13,8 +13,8 @@ import torch
 from matest.brdf import Brdf, model
 from matest.errors import InputError
 from matest.estimation.calibration import NuisanceEstimate
-from matest.estimation.mapping import ParameterMap
 from matest.estimation.misreading import Misreading
+from matest.estimation.parameter_map import ParameterMap, map_file
 from matest.estimation.photographs import PhotographFit
 from matest.estimation.remedies import Diagnosis
 from matest.estimation.residual_angles import AngularResiduals
@@ -192,11 +192,6 @@ class Estimate:
         radiometry = "relative" if self.relative else "absolute"
         not_determined = [name for name, parameter in self.parameters.items() if parameter.status == "not determined"]
         return {"model": self.model, "radiometry": radiometry, "parameters": values, "not_determined": not_determined}
-
-
-def map_file(name: str, kind: str = "") -> str:
-    """The file of a map in a result folder; `kind` is "std" for its standard errors."""
-    return f"maps/{name}{'_' * bool(kind)}{kind}.exr"
 
 
 def material_is_relative(path: str | Path) -> bool:

@@ -7,8 +7,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from matest.estimation.mapping import ParameterMap
-from matest.estimation.result import Estimate, map_file
+from matest.estimation.parameter_map import ParameterMap, map_file
+from matest.estimation.result import Estimate
 from matest.photographs.images import write_image
 from matest.photographs.photometry import srgb
 from matest.scene import Surface
@@ -18,18 +18,18 @@ BRIGHTEST = 0.1
 
 
 def write_maps(estimate: Estimate, surface: Surface, folder: Path) -> None:
-    """`maps/NAME.exr` and `NAME_std.exr` [H, W, C], `NAME_known.png` [H, W], and previews of the former two as PNG.
+    """`maps/NAME.exr` and `NAME_std.exr` [H, W, C], `NAME_status.png` [H, W], and previews of the former two as PNG.
 
-    Where no photograph tells a value it is 0, and so is its standard error; the third file is white where one does.
+    Where no photograph shows a pixel, its value, standard error and status (`TexelStatus`) are 0.
     """
     for name, each in estimate.maps.items():
         (folder / "maps").mkdir(exist_ok=True)
         value, std = (_image(part.numpy(), surface) for part in (each.value, each.std))
         write_image(folder / map_file(name), np.nan_to_num(value))
         write_image(folder / map_file(name, "std"), np.nan_to_num(std))
-        write_image(
-            folder / picture_file(name, "known"), np.where(np.isnan(value).any(axis=2), 0, 255).astype(np.uint8)
-        )
+        status = np.zeros(surface.shape, np.uint8)
+        status.flat[surface.pixels] = each.status.numpy()
+        write_image(folder / picture_file(name, "status"), status)
         write_image(folder / picture_file(name), srgb(np.nan_to_num(_coloured(value))))
         write_image(folder / picture_file(name, "std"), _relative(each, surface))
 

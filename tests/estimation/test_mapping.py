@@ -70,7 +70,7 @@ def test_a_result_folder_has_the_maps(tmp_path) -> None:
     on_object = value[capture.scene.surface.pixels // off.SIZE, capture.scene.surface.pixels % off.SIZE]
     expected = np.nan_to_num(estimate.maps["albedo"].value.numpy())
     np.testing.assert_array_equal(on_object, expected)
-    known = read_image(tmp_path / "out" / "maps" / "albedo_known.png")[..., 0]
+    known = read_image(tmp_path / "out" / "maps" / "albedo_status.png")[..., 0]
     np.testing.assert_array_equal(known > 0, (value > 0).all(axis=2))
     assert (std[known > 0] > 0).all()
     assert json.loads((tmp_path / "out" / "result.json").read_text("utf-8"))["maps"]["albedo"]["determined"] > 0.8
