@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -13,9 +13,15 @@ from torch import Tensor
 
 from matest.brdf import Brdf
 from matest.errors import InputError
+from matest.estimation.photographs import PhotographFit
 from matest.estimation.specification import optics
-from matest.estimators import Problem, Solution, Statistics, accumulate
-from matest.shading import render
+from matest.estimators import Problem, Solution
+from matest.estimators.misfit import Misfit, misfit
+from matest.estimators.passes import radiance_model
+from matest.samples import Tile
+from matest.samples.account import CalibratedSamples
+from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
+from matest.shading import at_pixels, render, shade
 
 if TYPE_CHECKING:
     from matest.capture import Capture
@@ -26,8 +32,13 @@ def predict(material: Brdf, capture: Capture) -> tuple[np.ndarray, list[float | 
 
     The error is that of `relative_error`; None where a photograph has no usable pixel.
 
+    Args:
+        material: with values for the whole object, or at every pixel of it (`with_maps`).
+        capture: that gives geometry and lights, and photographs.
+
     Raises:
-        InputError: the material has a value per channel for another number of channels.
+        InputError: the material has a value per channel for another number of channels, or per pixel for another
+            number of pixels.
     """
     material = material.replace(optics(material, capture.scene))
     errors = prediction_errors(capture, material).images
@@ -36,15 +47,20 @@ def predict(material: Brdf, capture: Capture) -> tuple[np.ndarray, list[float | 
 
 @dataclass(frozen=True)
 class PredictionErrors:
-    """How far a shaded material is from photographs, by the definition of `relative_error`.
+    """How far a shaded material is from photographs.
 
     Attributes:
-        images: of each; None where a photograph has no usable pixel.
+        images: of each, by the definition of `relative_error`; None where a photograph has no usable pixel.
         pooled: of all together.
+        medians: of each, the median over its pixels of the error of one: the length of the difference over that of the
+            photograph, over the channels; None likewise.
+        pooled_median: over the pixels of all together.
     """
 
     images: list[float | None]
     pooled: float | None
+    medians: list[float | None]
+    pooled_median: float | None
 
 
 def prediction_errors(capture: Capture, material: Brdf) -> PredictionErrors:
@@ -53,12 +69,36 @@ def prediction_errors(capture: Capture, material: Brdf) -> PredictionErrors:
     Raises:
         InputError: see `predict`.
     """
-    every = [_statistics(capture, material, [image]) for image in range(len(capture))]
-    residual, signal = (sum(one.total(f"squared_{kind}") for one in every) for kind in ("residual", "signal"))
+    every = [_misfit(capture, material, [image]) for image in range(len(capture))]
+    residual, signal = (sum(one.statistics.total(f"squared_{kind}") for one in every) for kind in ("residual", "signal"))
     return PredictionErrors(
-        images=[one.relative_rmse if one.total("samples") else None for one in every],
+        images=[_relative_error(one) for one in every],
         pooled=math.sqrt(residual / signal) if signal > 0 else None,
+        medians=[_median(one.errors) for one in every],
+        pooled_median=_median(torch.cat([one.errors for one in every])),
     )
+
+
+def photograph_errors(
+    capture: Capture, material: Brdf, images: Iterable[int], residual_scale: ResidualScale
+) -> list[PhotographFit]:
+    """How well a shaded material describes photographs; those without a usable pixel are left out.
+
+    Nothing is said of their lights: what a map takes of a photograph that is odd the others do not tell.
+
+    Args:
+        capture: with the photographs.
+        material: that is shaded.
+        images: numbers of the photographs.
+        residual_scale: by which outliers are judged.
+    """
+    fits = []
+    for image in images:
+        statistics = _misfit(capture, material, [image], residual_scale=residual_scale).statistics
+        if statistics.total("samples"):
+            error, chi2 = statistics.relative_rmse, statistics.reduced_chi2
+            fits.append(PhotographFit(capture.names[image], error, None, None, chi2, None))
+    return fits
 
 
 def relative_error(
@@ -78,25 +118,75 @@ def relative_error(
     Raises:
         InputError: see `predict`.
     """
-    statistics = _statistics(capture, material, images, refined)
-    return statistics.relative_rmse if statistics.total("samples") else None
+    return _relative_error(_misfit(capture, material, images, refined))
 
 
-def _statistics(capture: Capture, material: Brdf, images: Iterable[int], refined: Solution | None = None) -> Statistics:
-    """Statistics of some photographs about the shaded material."""
-    lengths = {len(value) for value in material.parameters.values() if value.ndim == 1} - {1, capture.channels}
-    if lengths:
-        raise InputError(
-            f"{capture.name}: the images have {capture.channels} channel(s), but the material was estimated for "
-            f"{max(lengths)}; estimate it from images with the same channels."
-        )
+def _relative_error(found: Misfit) -> float | None:
+    """None where there is no usable pixel."""
+    return found.statistics.relative_rmse if found.statistics.total("samples") else None
+
+
+def _median(values: Tensor) -> float | None:
+    return float(values.median()) if len(values) else None
+
+
+def _misfit(
+    capture: Capture,
+    material: Brdf,
+    images: Iterable[int],
+    refined: Solution | None = None,
+    residual_scale: ResidualScale = NOISE_ALONE,
+) -> Misfit:
+    """How far some photographs are from the shaded material.
+
+    Raises:
+        InputError: see `predict`.
+    """
+    _check_sizes(capture, material)
+    samples = capture.photographs.samples(images)
+    return misfit(_radiance(capture, material, samples, refined), samples.single_pixels(), residual_scale)
+
+
+def _check_sizes(capture: Capture, material: Brdf) -> None:
+    """Refuse values of other channels, or of the pixels of another object.
+
+    Raises:
+        InputError: see `predict`.
+    """
+    pixels = len(capture.scene.surface)
+    for name, value in material.parameters.items():
+        if value.ndim and value.shape[-1] not in (1, capture.channels):
+            raise InputError(
+                f"{capture.name}: the images have {capture.channels} channel(s), but the material was estimated for "
+                f"{value.shape[-1]}; estimate it from images with the same channels."
+            )
+        if value.ndim > 1 and len(value) not in (1, pixels):
+            raise InputError(
+                f"{capture.name}: shows {pixels:,} pixels of the object, but {name} has values of {len(value):,}: a "
+                "map belongs to the view it was estimated in; predict with its mean."
+            )
+
+
+def _radiance(
+    capture: Capture, material: Brdf, samples: CalibratedSamples, refined: Solution | None
+) -> Callable[[Tile], Tensor]:
+    """The function that gives the radiance [n, C] of the material at the samples of a tile."""
+    if any(value.ndim > 1 for value in material.parameters.values()):
+        return lambda tile: _shaded(tile, material, samples.texels)
     problem = Problem.of(material, capture.channels, (), material.parameters, {})
-    samples, unknowns = capture.photographs.samples(images), torch.zeros(0, dtype=torch.float64)
+    unknowns = torch.zeros(0, dtype=torch.float64)
     if refined is not None and (shared := _shared_errors(refined)):
         calibration = samples.calibration([*shared])
         problem = problem.calibrated(calibration, dict.fromkeys(shared, 1.0), samples.groups)
         unknowns = torch.cat([*shared.values()])
-    return accumulate(problem, unknowns, samples.tiles(merge=False), unknowns)
+    return radiance_model(problem, unknowns)
+
+
+def _shaded(tile: Tile, material: Brdf, texels: int) -> Tensor:
+    """Radiance [n, C] of a material with a value at every pixel."""
+    batch = tile.batch
+    assert batch.pixels is not None
+    return shade(at_pixels(material, batch.pixels, texels), batch.points).expand_as(batch.radiance)
 
 
 def _shared_errors(refined: Solution) -> dict[str, Tensor]:
