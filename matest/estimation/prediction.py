@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 def predict(material: Brdf, capture: Capture) -> tuple[np.ndarray, list[float | None]]:
     """Radiance images [K, H, W, C] of a material under a capture's lights, and the relative error of each image.
 
-    The error is that of `relative_error`; None where a photograph has no usable pixel.
+    The error is that of `PredictionErrors`; None where a photograph has no usable pixel.
 
     Args:
         material: with values for the whole object, or at every pixel of it (`with_maps`).
@@ -49,12 +49,15 @@ def predict(material: Brdf, capture: Capture) -> tuple[np.ndarray, list[float | 
 class PredictionErrors:
     """How far a shaded material is from photographs.
 
+    The error is the rms difference over the rms signal, of all usable values: saturated ones count where the material
+    is shaded darker than the clip. That of a pixel is the length of the difference over that of the photograph, over
+    the channels.
+
     Attributes:
-        images: of each, by the definition of `relative_error`; None where a photograph has no usable pixel.
-        pooled: of all together.
-        medians: of each, the median over its pixels of the error of one: the length of the difference over that of the
-            photograph, over the channels; None likewise.
-        pooled_median: over the pixels of all together.
+        images: error of each; None where a photograph has no usable pixel.
+        pooled: of all together; None likewise.
+        medians: of each, the median error of a pixel; None likewise.
+        pooled_median: over the pixels of all together; None likewise.
     """
 
     images: list[float | None]
@@ -63,19 +66,31 @@ class PredictionErrors:
     pooled_median: float | None
 
 
-def prediction_errors(capture: Capture, material: Brdf) -> PredictionErrors:
-    """The error of a shaded material against each photograph and all of them.
+def prediction_errors(
+    capture: Capture, material: Brdf, images: Iterable[int] | None = None, refined: Solution | None = None
+) -> PredictionErrors:
+    """The error of a shaded material against photographs, each and together.
+
+    Args:
+        capture: with the photographs.
+        material: that is shaded.
+        images: numbers of the photographs; None: all.
+        refined: of a fit to others, with errors of the calibration: those that all photographs have in common hold
+            here too.
 
     Raises:
         InputError: see `predict`.
     """
-    every = [_misfit(capture, material, [image]) for image in range(len(capture))]
-    residual, signal = (sum(one.statistics.total(f"squared_{kind}") for one in every) for kind in ("residual", "signal"))
+    numbers = range(len(capture)) if images is None else images
+    every = [_misfit(capture, material, image, refined) for image in numbers]
+    residual, signal = (
+        sum(one.statistics.total(f"squared_{kind}") for one in every) for kind in ("residual", "signal")
+    )
     return PredictionErrors(
-        images=[_relative_error(one) for one in every],
+        images=[one.statistics.relative_rmse if one.statistics.total("samples") else None for one in every],
         pooled=math.sqrt(residual / signal) if signal > 0 else None,
-        medians=[_median(one.errors) for one in every],
-        pooled_median=_median(torch.cat([one.errors for one in every])),
+        medians=[_median([one]) for one in every],
+        pooled_median=_median(every),
     )
 
 
@@ -94,57 +109,35 @@ def photograph_errors(
     """
     fits = []
     for image in images:
-        statistics = _misfit(capture, material, [image], residual_scale=residual_scale).statistics
+        statistics = _misfit(capture, material, image, residual_scale=residual_scale).statistics
         if statistics.total("samples"):
             error, chi2 = statistics.relative_rmse, statistics.reduced_chi2
             fits.append(PhotographFit(capture.names[image], error, None, None, chi2, None))
     return fits
 
 
-def relative_error(
-    capture: Capture, material: Brdf, images: Iterable[int], refined: Solution | None = None
-) -> float | None:
-    """Rms difference between photographs and the shaded material over the rms signal, of all their usable values.
-
-    Saturated values count where the material is shaded darker than the clip. None where there is no usable pixel.
-
-    Args:
-        capture: with the photographs.
-        material: that is shaded.
-        images: numbers of the photographs.
-        refined: of a fit to others, with errors of the calibration: those that all photographs have in common hold
-            here too.
-
-    Raises:
-        InputError: see `predict`.
-    """
-    return _relative_error(_misfit(capture, material, images, refined))
-
-
-def _relative_error(found: Misfit) -> float | None:
-    """None where there is no usable pixel."""
-    return found.statistics.relative_rmse if found.statistics.total("samples") else None
-
-
-def _median(values: Tensor) -> float | None:
-    return float(values.median()) if len(values) else None
+def _median(parts: Sequence[Misfit]) -> float | None:
+    """The median error of a pixel; None where there is none."""
+    errors = np.concatenate([part.errors.numpy() for part in parts])
+    return float(np.median(errors)) if len(errors) else None
 
 
 def _misfit(
     capture: Capture,
     material: Brdf,
-    images: Iterable[int],
+    image: int,
     refined: Solution | None = None,
     residual_scale: ResidualScale = NOISE_ALONE,
 ) -> Misfit:
-    """How far some photographs are from the shaded material.
+    """How far a photograph is from the shaded material.
 
     Raises:
         InputError: see `predict`.
     """
     _check_sizes(capture, material)
-    samples = capture.photographs.samples(images)
-    return misfit(_radiance(capture, material, samples, refined), samples.single_pixels(), residual_scale)
+    samples = capture.photographs.samples([image])
+    radiance = _radiance(capture, material, samples, refined)
+    return misfit(radiance, samples.single_pixels(), residual_scale)
 
 
 def _check_sizes(capture: Capture, material: Brdf) -> None:
@@ -172,7 +165,7 @@ def _radiance(
 ) -> Callable[[Tile], Tensor]:
     """The function that gives the radiance [n, C] of the material at the samples of a tile."""
     if any(value.ndim > 1 for value in material.parameters.values()):
-        return lambda tile: _shaded(tile, material, samples.texels)
+        return mapped_radiance(material, samples.texels)
     problem = Problem.of(material, capture.channels, (), material.parameters, {})
     unknowns = torch.zeros(0, dtype=torch.float64)
     if refined is not None and (shared := _shared_errors(refined)):
@@ -182,11 +175,20 @@ def _radiance(
     return radiance_model(problem, unknowns)
 
 
-def _shaded(tile: Tile, material: Brdf, texels: int) -> Tensor:
-    """Radiance [n, C] of a material with a value at every pixel."""
-    batch = tile.batch
-    assert batch.pixels is not None
-    return shade(at_pixels(material, batch.pixels, texels), batch.points).expand_as(batch.radiance)
+def mapped_radiance(material: Brdf, texels: int) -> Callable[[Tile], Tensor]:
+    """The function that gives the radiance [n, C] at the samples of a tile of a material with a value at every pixel.
+
+    Args:
+        material: with values [N, 1 or C].
+        texels: N.
+    """
+
+    def radiance(tile: Tile) -> Tensor:
+        batch = tile.batch
+        assert batch.pixels is not None
+        return shade(at_pixels(material, batch.pixels, texels), batch.points).expand_as(batch.radiance)
+
+    return radiance
 
 
 def _shared_errors(refined: Solution) -> dict[str, Tensor]:

@@ -172,7 +172,12 @@ class Estimate:
             "diagnosis": [asdict(cause) for cause in self.diagnosis],
             "images": [asdict(image) for image in self.images],
             "maps": {
-                name: {"value": map_file(name), "std": map_file(name, "std"), "determined": each.determined}
+                name: {
+                    "value": map_file(name),
+                    "std": map_file(name, "std"),
+                    "determined": each.determined,
+                    "shares": {status.name.lower().replace("_", " "): each.shares[status] for status in each.shares},
+                }
                 for name, each in self.maps.items()
             },
             "skipped": self.skipped,

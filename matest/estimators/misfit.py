@@ -30,9 +30,7 @@ class Misfit:
     errors: Tensor
 
 
-def misfit(
-    radiance: Callable[[Tile], Tensor], tiles: Tiles, residual_scale: ResidualScale = NOISE_ALONE
-) -> Misfit:
+def misfit(radiance: Callable[[Tile], Tensor], tiles: Tiles, residual_scale: ResidualScale = NOISE_ALONE) -> Misfit:
     """How far samples are from a model.
 
     Args:
