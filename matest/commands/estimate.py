@@ -38,9 +38,12 @@ def estimate(
     maps: Annotated[
         str,
         typer.Option(
-            metavar="PARAM", help="A parameter with a value at every pixel: albedo, specular; written to maps/."
+            metavar="PARAM,...", help="Parameters with a value at every pixel: albedo,sigma; written to maps/."
         ),
     ] = "",
+    regions: Annotated[
+        int, typer.Option(metavar="N", help="Regions whose values pixels take that do not tell their own.")
+    ] = 1,
     seed: arguments.Seed = 0,
     device: Annotated[str, typer.Option(help="Where to compute: cpu, cuda.")] = "cpu",
     pictures: arguments.Pictures = PictureSize.PREVIEW,
@@ -60,6 +63,7 @@ def estimate(
         model, fix, free, tie, transfer,
         holdout=arguments.indices(holdout), precision=precision, seed=seed, device=device,
         uncertainty=arguments.uncertainty(uncertainty), refine=() if refine is None else refine, maps=maps,
+        regions=regions,
     )  # fmt: skip
     check_options(options)
     jobs = batch.jobs(captures, out, options, " ".join(["matest", *sys.argv[1:]]), pictures)

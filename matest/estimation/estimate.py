@@ -47,6 +47,7 @@ def estimate(
     uncertainty: Uncertainty | Mapping[str, float | Sequence[float]] | None = None,
     refine: str | Sequence[str] = (),
     maps: str | Sequence[str] = (),
+    regions: int = 1,
     progress: Progress = silent,
 ) -> Estimate:
     """The material of a capture with its error bars.
@@ -66,7 +67,8 @@ def estimate(
             such as {"direction": 0.01, "pose": (0.5, 0.01)}; it comes before the capture's own.
         refine: families of errors of the calibration to estimate with the material, as ["direction", "pose"] or
             "direction,pose"; "all": every family; "auto": those that explain what the fit without them leaves.
-        maps: a parameter that multiplies the reflectance, with a value at every pixel; "albedo" is the body's.
+        maps: parameters with a value at every pixel, as ["albedo", "sigma"] or "albedo,sigma"; "albedo" is the body's.
+        regions: number of regions, found from the maps, whose values pixels take that do not tell their own.
         progress: called with a word on what is being done.
 
     Raises:
@@ -81,7 +83,7 @@ def estimate(
     options = Options(
         model=model, fix=fix or {}, free=free, tie=tie or {}, holdout=holdout, precision=precision, seed=seed,
         device=device, uncertainty=as_uncertainty(uncertainty), refine=refine,
-        maps=maps,
+        maps=maps, regions=regions,
     )  # fmt: skip
     return estimate_with(capture, options, progress)
 

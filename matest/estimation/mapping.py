@@ -1,8 +1,7 @@
-"""Maps: an albedo at every pixel of the object, the rest of the material in common."""
+"""Maps: parameters with a value at every pixel of the object, the rest of the material in common."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -15,8 +14,8 @@ from matest.estimation.options import Options
 from matest.estimation.parameter_map import ParameterMap, TexelStatus, with_maps
 from matest.estimators import Problem, Solution, Statistics
 from matest.estimators.calibrated import body_albedos
-from matest.estimators.maps import TexelFit, fit_maps
 from matest.estimators.moments import SCORES
+from matest.estimators.texels.maps import MapFit, fit_maps
 from matest.inference.quantities import ParameterEstimate
 from matest.progress import Progress
 from matest.samples.account import CalibratedSamples
@@ -24,11 +23,9 @@ from matest.samples.account import CalibratedSamples
 # The name that stands for the albedo of the body, whatever a model calls it.
 ALBEDO = "albedo"
 # Texels from which the parameters in common are found before all texels have their say.
-_TEXELS = 2_000
+SOME_TEXELS = 2_000
 # Standard deviations of a 95 % interval.
 _QUANTILE = 1.96
-# Relative standard error up to which a texel is determined.
-_DETERMINED = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,18 +40,14 @@ class Mapped:
 
     solution: Solution
     maps: Mapping[str, ParameterMap]
-    fit: TexelFit
+    fit: MapFit
 
     @property
     def material(self) -> Brdf:
-        """The model with a value at every pixel of what is mapped."""
-        return with_maps(self.solution.problem.material(self.solution.unknowns), self.maps)
-
-    def error_of(self, samples: CalibratedSamples) -> float | None:
-        """The relative error on samples that were not fitted; None where there is none."""
-        totals = self.fit.totals_over(samples.single_pixels())
-        squared, signal = (float(totals[SCORES.index(f"squared_{kind}")]) for kind in ("residual", "signal"))
-        return math.sqrt(squared / signal) if signal > 0 else None
+        """The model with a value at every pixel of what is mapped, and of what is tied to it."""
+        material, ties = self.solution.problem.material(self.solution.unknowns), self.fit.texels.problem.ties
+        tied = {name: self.maps[source] for name, source in ties.items() if source in self.maps}
+        return with_maps(material, {**self.maps, **tied})
 
     def parameters(self, parameters: Mapping[str, ParameterEstimate]) -> dict[str, ParameterEstimate]:
         """The parameters of the model, with the mean of those that are mapped."""
@@ -62,105 +55,93 @@ class Mapped:
 
     def _mean(self, name: str, estimate: ParameterEstimate) -> ParameterEstimate:
         """The mean of a map, in the place of the value that was held."""
-        each = self.maps[name]
-        values, spreads = each.mean.tolist(), self.fit.mean_factor_std.tolist()
-        base = self.fit.problem.values(self.fit.unknowns)[name].expand(len(values)).tolist()
-        stds = [spread * one for spread, one in zip(spreads, base, strict=True)]
+        values = self.maps[name].mean.tolist()
+        stds = self.fit.mean_std[self.fit.texels.at(name)].tolist()
         intervals = [[v - _QUANTILE * s, v + _QUANTILE * s] for v, s in zip(values, stds, strict=True)]
+        is_one = not isinstance(estimate.value, list) and len(values) == 1
         return replace(
             estimate,
-            value=values,
-            std=stds,
-            interval95=intervals,
+            value=values[0] if is_one else values,
+            std=stds[0] if is_one else stds,
+            interval95=intervals[0] if is_one else intervals,
             status="determined",
             doc=f"{estimate.doc}; mean over the pixels of its map",
         )
 
 
 def fit_with_maps(solution: Solution, samples: CalibratedSamples, options: Options, progress: Progress) -> Mapped:
-    """The fit in which every pixel of the object has its own albedo.
+    """The fit in which every pixel of the object has its own values of some parameters.
 
     Args:
-        solution: with one albedo for all pixels.
+        solution: with one value for all pixels.
         samples: that were fitted.
-        options: `maps` names the parameter.
+        options: `maps` names the parameters, `regions` says how many regions share what pixels do not tell.
         progress: called with a word on what is being done.
 
     Raises:
-        InputError: a parameter that does not multiply the reflectance, or is not estimated.
+        InputError: a parameter that is not estimated, or cannot have a map.
     """
     problem = solution.problem
-    names = _mapped(problem, options.maps[0])
-    few, _ = samples.of_pixels(_TEXELS, options.seed)
-    fit = fit_maps(problem, solution.unknowns, names, few, samples.single_pixels(), samples.texels, progress)
-    values = problem.values(fit.unknowns)
-    maps = {name: _map(name, fit, values[name].expand(problem.channels)) for name in names}
+    names = [name for word in options.maps for name in mapped_names(problem, word)]
+    few, tiles = samples.some_texels(SOME_TEXELS, options.seed), samples.texel_tiles()
+    fit = fit_maps(
+        problem, solution.unknowns, [name for name in problem.free if name in names], few, tiles, samples.texels,
+        regions=options.regions, seed=options.seed, progress=progress,
+    )  # fmt: skip
+    maps = {name: _map(name, fit) for name in fit.texels.mapped}
     return Mapped(_in_common(fit, maps, solution), maps, fit)
 
 
-def _map(name: str, fit: TexelFit, mean: Tensor) -> ParameterMap:
-    """The map of a parameter whose value was `mean` [C] for a factor of 1."""
-    upper = fit.problem.domain(name).upper
-    value = (fit.factors * mean.to(fit.factors)).clamp(max=upper)
-    std = fit.factor_std.to(fit.factors) * mean.to(fit.factors)
-    status = torch.where((std < _DETERMINED * value).all(dim=1), TexelStatus.DETERMINED, TexelStatus.SHARED)
-    status[(value >= upper).any(dim=1)] = TexelStatus.AT_BOUND
-    status[value.isnan().any(dim=1)] = TexelStatus.UNSEEN
-    return ParameterMap(name, value, std, status.to(torch.uint8))
-
-
-def _mapped(problem: Problem, name: str) -> list[str]:
-    """The free parameters that a name stands for.
+def mapped_names(problem: Problem, word: str) -> list[str]:
+    """The free parameters that a word of `--maps` stands for.
 
     Raises:
-        InputError: none, or one that is no factor of what it scales.
+        InputError: none, or one that cannot differ from pixel to pixel.
     """
-    factors = [factor for product in problem.brdf.structure.products for factor in product]
-    plain = [path for path in problem.free if path in problem.amplitudes and not _is_complement(factors, path)]
-    bodies = [path for path in plain if path in body_albedos(problem.brdf)]
-    if name == ALBEDO and bodies:
+    able = [name for name in problem.free if name not in problem.gauges and not problem.declared(name).periodic]
+    bodies = [name for name in able if name in body_albedos(problem.brdf)]
+    if word == ALBEDO and bodies:
         return bodies
-    found = [path for path in problem.free if name in (path, path.rpartition(".")[2])]
+    found = [name for name in problem.free if word in (name, name.rpartition(".")[2])]
     if not found:
-        raise InputError(f"--maps {name}: {problem.brdf.expression} estimates no such parameter; {_choices(plain)}.")
-    if found[0] not in plain:
-        raise InputError(
-            f"--maps {name}: only what multiplies the reflectance has a map, not what shapes it; {_choices(plain)}."
-        )
+        raise InputError(f"--maps {word}: {problem.brdf.expression} estimates no such parameter; {_choices(able)}.")
+    if found[0] not in able:
+        raise InputError(f"--maps {word}: it is one number for the whole capture; {_choices(able)}.")
     return found[:1]
-
-
-def _is_complement(factors: Sequence, name: str) -> bool:
-    """Whether one minus a parameter scales something too."""
-    return any(factor.name == name and factor.complement for factor in factors)
 
 
 def _choices(names: Sequence[str]) -> str:
     return f"name one of {', '.join(names)}" if names else "name another model"
 
 
-def _in_common(fit: TexelFit, maps: Mapping[str, ParameterMap], before: Solution) -> Solution:
+def _map(name: str, fit: MapFit) -> ParameterMap:
+    """The map of a parameter."""
+    rows = fit.texels.at(name)
+    value, std = fit.theta[rows].T, fit.std[rows].T
+    status = torch.where(fit.own[rows].all(0), TexelStatus.DETERMINED, TexelStatus.SHARED)
+    status[(fit.held[rows] & fit.own[rows]).any(0)] = TexelStatus.AT_BOUND
+    status[value.isnan().any(1)] = TexelStatus.UNSEEN
+    return ParameterMap(name, value, std, status.to(torch.uint8))
+
+
+def _in_common(fit: MapFit, maps: Mapping[str, ParameterMap], before: Solution) -> Solution:
     """The solution of the parameters in common, the texels having followed them."""
-    problem = fit.problem
+    problem, places = fit.texels.problem, fit.texels.common_places
     blocks = tuple(block for block in problem.blocks if block.name not in maps)
-    held = {**problem.held, **{name: each.mean for name, each in maps.items()}}
-    common = replace(problem, blocks=blocks, held=held)
-    places = [torch.arange(problem.size)[problem.where[block.name]] for block in blocks]
-    kept = torch.cat([torch.zeros(0, dtype=torch.int64), *places])
-    information, gradient = fit.sums_in_common
-    totals = fit.sums.totals.clone()
-    # Every texel takes a degree of freedom of its samples.
-    totals[SCORES.index("values")] -= int(fit.sums.seen.sum())
+    held: dict[str, Tensor] = {name: each.mean if len(each.mean) > 1 else each.mean[0] for name, each in maps.items()}
+    totals = fit.totals.clone()
+    # Texels take degrees of freedom of their samples.
+    totals[SCORES.index("values")] -= fit.degrees
     statistics = Statistics(
         labels=torch.zeros(1, dtype=torch.int64),
-        informations=information[kept][:, kept][None],
-        gradients=gradient[kept][None],
+        informations=fit.information[None],
+        gradients=fit.scores[None],
         scores=totals[None],
     )
     return replace(
         before,
-        problem=common,
-        unknowns=fit.unknowns[kept],
+        problem=replace(problem, blocks=blocks, held={**problem.held, **held}),
+        unknowns=fit.unknowns[places],
         statistics=statistics,
         converged=fit.converged,
         residual_scale=fit.residual_scale,

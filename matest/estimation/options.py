@@ -39,6 +39,7 @@ class Options:
         refine: families of errors of the calibration to estimate with the material, names or one text that commas
             separate; becomes a tuple, "all" every family.
         maps: parameters with a value at every pixel; "albedo" is the body's, whatever the model calls it.
+        regions: number of regions, found from the maps, whose values pixels take that do not tell their own.
 
     Raises:
         InputError: a precision outside 0 to 1, another choice of `auto`, a slip in that name, an unknown family.
@@ -56,14 +57,17 @@ class Options:
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
     refine: Sequence[str] = ()
     maps: str | Sequence[str] = ()
+    regions: int = 1
 
     def __post_init__(self) -> None:
         with errors_of("--refine"):
             object.__setattr__(self, "refine", families(self.refine))
         if isinstance(self.maps, str):
             object.__setattr__(self, "maps", tuple(name for name in map(str.strip, self.maps.split(",")) if name))
-        if len(self.maps) > 1:
-            raise InputError(f"--maps {','.join(self.maps)}: one parameter at a time has a map; name one, as albedo.")
+        if self.regions < 1:
+            raise InputError(f"--regions must be at least 1; got {self.regions}.")
+        if self.regions > 1 and not self.maps:
+            raise InputError(f"--regions {self.regions} says where maps share values: name the parameters with --maps.")
         if self.maps and (self.refine or self.precision):
             other = "--refine" if self.refine else "--precision"
             raise InputError(f"--maps and {other} do not go together: leave one of them out.")

@@ -137,7 +137,7 @@ def _misfit(
     _check_sizes(capture, material)
     samples = capture.photographs.samples([image])
     radiance = _radiance(capture, material, samples, refined)
-    return misfit(radiance, samples.single_pixels(), residual_scale)
+    return misfit(radiance, samples.tiles(merge=False), residual_scale)
 
 
 def _check_sizes(capture: Capture, material: Brdf) -> None:

@@ -98,6 +98,7 @@ class TangentBasis(Basis):
 
     Attributes:
         factors: names multiplying each term.
+        derivatives: shape parameter and number of the term of each further column.
         column_factors: names multiplying the term that each column belongs to.
     """
 
@@ -110,13 +111,13 @@ class TangentBasis(Basis):
         normal = torch.tensor([[0.0, 0.0, 1.0]], dtype=torch.float64)
         terms, by_name = self._terms(Directions(normal, normal), torch.Size([1]), normal)
         self.factors = [term.factors for term in terms]
-        # Parameter and term of every derivative of a shape that is not zero.
-        self._derivatives = [
+        # Those that are not zero.
+        self.derivatives = [
             (name, k) for name, parts in by_name.items() for k, part in enumerate(parts) if part is not None
         ]
         amplitudes = torch.stack([product(self._values, factors).expand(problem.channels) for factors in self.factors])
-        self.column_factors = [*self.factors, *(self.factors[k] for _, k in self._derivatives)]
-        no_radiance = amplitudes.new_zeros(len(self._derivatives), problem.channels)
+        self.column_factors = [*self.factors, *(self.factors[k] for _, k in self.derivatives)]
+        no_radiance = amplitudes.new_zeros(len(self.derivatives), problem.channels)
         self.coefficients = torch.cat([amplitudes, no_radiance]).T
         self.slopes = self.coefficients.new_zeros(*self.coefficients.shape, 0)
         if derivatives and problem.free:
@@ -126,15 +127,15 @@ class TangentBasis(Basis):
         """Coefficients [C, K] of the derivative by a parameter."""
         problem = self._problem
         if name in problem.shapes:
-            by_shape = [amplitudes[k] * (shape == name) for shape, k in self._derivatives]
+            by_shape = [amplitudes[k] * (shape == name) for shape, k in self.derivatives]
             return torch.stack([*torch.zeros_like(amplitudes), *by_shape], dim=-1)
         by_factor = [derivative(self._values, problem.ties, factors, name) for factors in self.factors]
         rows = [torch.as_tensor(d).to(amplitudes).expand(problem.channels) for d in by_factor]
-        return torch.stack([*rows, *amplitudes.new_zeros(len(self._derivatives), problem.channels)], dim=-1)
+        return torch.stack([*rows, *amplitudes.new_zeros(len(self.derivatives), problem.channels)], dim=-1)
 
     def _shapes(self, directions: Directions, lead: torch.Size, like: Tensor) -> list[Tensor]:
         terms, slopes = self._terms(directions, lead, like)
-        derivatives = [slopes[name][k] for name, k in self._derivatives]
+        derivatives = [slopes[name][k] for name, k in self.derivatives]
         shapes = [*(term.shape for term in terms), *(slope for slope in derivatives if slope is not None)]
         # A derivative has the size of its own copy of the parameter; a shape may be smaller.
         return [shape.expand(*lead, shape.shape[-1]) for shape in shapes]
@@ -243,6 +244,7 @@ class NodesBasis(Basis):
         return [shape.expand(self._count, *lead, shape.shape[-1]) for shape in shapes]
 
 
+@torch.enable_grad()
 def coefficients(problem: Problem, unknowns: Tensor) -> Coefficients:
     """The coefficients and their derivatives at `unknowns` u [P], of a problem that `separates`."""
     values = problem.values(unknowns)

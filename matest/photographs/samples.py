@@ -20,12 +20,14 @@ from matest.photographs.photometry import Encoding
 from matest.photographs.pilot import pilot
 from matest.photographs.pixels import BLOCKS, LitPixels
 from matest.photographs.readings import better_readings
+from matest.photographs.texel_tiles import TexelTiles, texel_tile
 from matest.photographs.tiles import ImageTiles
 from matest.samples import Batch, Groups, Tiles
 from matest.samples.account import Account
 from matest.samples.batch import join
 from matest.samples.reading import Reading
 from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
+from matest.samples.texels import TexelTile
 from matest.scene import Surface
 
 
@@ -84,9 +86,14 @@ class PhotographSamples(LitPixels):
     def texels(self) -> int:
         return len(self.photographs.scene.surface)
 
-    def single_pixels(self) -> Tiles:
+    def texel_tiles(self) -> TexelTiles:
         """See `CalibratedSamples`."""
-        return self.tiles(merge=False)
+        return TexelTiles(self)
+
+    def some_texels(self, count: int, seed: int) -> TexelTile:
+        """See `CalibratedSamples`."""
+        total = len(self.photographs.scene.surface)
+        return texel_tile(self, np.sort(np.random.default_rng(seed).permutation(total)[:count]))
 
     def of_pixels(self, count: int, seed: int) -> tuple[Batch, float]:
         """All samples at about `count` random pixels of the surface, and by how much there are more of them.

@@ -11,7 +11,7 @@ from matest.samples.calibration import Calibration
 from matest.samples.reading import Reading
 from matest.samples.redundancy import Redundancy
 from matest.samples.source import Samples
-from matest.samples.tiles import Tiles
+from matest.samples.texels import TexelTile, TexelTiles
 
 
 @dataclass(frozen=True)
@@ -74,8 +74,11 @@ class CalibratedSamples(AccountedSamples, Protocol):
     @property
     def texels(self) -> int: ...
 
-    def single_pixels(self) -> Tiles:
-        """All samples, each of one pixel."""
+    def texel_tiles(self) -> TexelTiles:
+        """All samples, texel by texel."""
+
+    def some_texels(self, count: int, seed: int) -> TexelTile:
+        """All samples at about `count` random texels."""
 
     def calibration(self, names: Sequence[str]) -> Calibration:
         """The errors of some kinds, in the order of their unknowns, and what they do to the samples."""

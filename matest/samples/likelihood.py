@@ -165,6 +165,13 @@ class LeastSquares(NamedTuple):
     errors: Errors | None = None
     rejection: Tensor | float = REJECTED**2
 
+    def some(self, rows: Tensor) -> LeastSquares:
+        """That of some samples, int64 [m]."""
+        means = None if self.means is None else Means(*(part[rows] for part in self.means))
+        errors = None if self.errors is None else Errors(*(part[rows] for part in self.errors))
+        rejection = self.rejection[rows] if isinstance(self.rejection, Tensor) else self.rejection
+        return LeastSquares(self.response[rows], self.weight[rows], self.plain[rows], means, errors, rejection)
+
 
 class Deviations(NamedTuple):
     """How far values lie from a model, both [n, C].

@@ -49,9 +49,9 @@ def test_albedo_is_that_of_the_body_whatever_it_is_called() -> None:
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        ({"maps": "sigma"}, "--maps sigma: only what multiplies the reflectance has a map.*name one of albedo"),
-        ({"maps": "gloss"}, "--maps gloss: oren-nayar estimates no such parameter; name one of albedo"),
-        ({"maps": "albedo,sigma"}, "one parameter at a time has a map"),
+        ({"maps": "gloss"}, "--maps gloss: oren-nayar estimates no such parameter; name one of albedo, sigma"),
+        ({"maps": "albedo", "regions": 0}, "--regions must be at least 1"),
+        ({"regions": 2}, "--regions 2 says where maps share values: name the parameters with --maps"),
         ({"maps": "albedo", "refine": "ambient"}, "--maps and --refine do not go together"),
         ({"maps": "albedo", "precision": 0.01}, "--maps and --precision do not go together"),
     ],

@@ -1,0 +1,1 @@
+"""Parameters of which every texel of an object has its own values."""

@@ -1,0 +1,286 @@
+"""Maps: parameters of which every texel has its own values, and the others in common.
+
+The unknowns of texels are eliminated: a step of those in common is taken with every texel following it (Schur
+complement), so that a pass over all samples has sums of the size of the parameters in common alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from matest.estimators.covariance import Covariance, fisher
+from matest.estimators.levenberg_marquardt import at_bound, moved
+from matest.estimators.moments import SCORES
+from matest.estimators.texels.elimination import Elimination
+from matest.estimators.texels.fit import TexelFitter, TileFit
+from matest.estimators.texels.regions import Regions
+from matest.estimators.texels.some import Knowledge, descend, regions_of, step
+from matest.estimators.texels.trust import Reliable, ambiguous, totals, variance_among_trials
+from matest.estimators.texels.unknowns import TexelUnknowns
+from matest.estimators.unknowns import Problem
+from matest.progress import Progress, silent
+from matest.samples.residual_scale import ResidualScale
+from matest.samples.texels import TexelTile, TexelTiles
+from matest.workers import in_groups, single_threaded_torch
+
+# Passes over all samples: a second one where the first step of all was longer than the linear model is trusted.
+_PASSES = 3
+# Standard errors that some texels state of the parameters in common, up to which texels follow a step linearly.
+_LINEAR = 5.0
+# Uncertainty of a correction for curvature, relative to it: it is right to second order.
+_CURVATURE_ERROR = 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class MapFit:
+    """A material of which each texel has values of its own.
+
+    Attributes:
+        texels: the unknowns.
+        unknowns: u [P]; the places of the unknowns of texels have no meaning.
+        theta: those of the N texels [T, N]; NaN where no sample shows a texel.
+        variance: of θ where the unknowns in common stand still, in units of the noise [T, N].
+        moves: how far θ follows the unknowns in common [T, S, N].
+        own: whether the samples of a texel tell its unknowns; the others are those of its region [T, N].
+        held: whether a bound holds an unknown [T, N].
+        information: of the unknowns in common, the texels following them [S, S].
+        scores: [S].
+        bend: what curvature adds to these [S].
+        totals: sums of the `SCORES`.
+        degrees: of freedom that the texels take.
+        converged: whether the last step was one that texels follow.
+        residual_scale: by which outliers were judged.
+        regions: that texels take their values from where they have none of their own.
+    """
+
+    texels: TexelUnknowns
+    unknowns: Tensor
+    theta: Tensor
+    variance: Tensor
+    moves: Tensor
+    own: Tensor
+    held: Tensor
+    information: Tensor
+    scores: Tensor
+    bend: Tensor
+    totals: Tensor
+    degrees: float
+    converged: bool
+    residual_scale: ResidualScale
+    regions: Regions
+
+    def total(self, name: str) -> float:
+        return float(self.totals[SCORES.index(name)])
+
+    @property
+    def chi2(self) -> float:
+        """Per degree of freedom."""
+        free = self.total("values") - self.degrees - len(self.information)
+        return self.total("chi2") / max(free, 1.0)
+
+    @property
+    def inflation(self) -> float:
+        """Of squared errors, where the model does not hold."""
+        return max(self.chi2, 1.0)
+
+    @cached_property
+    def covariance(self) -> Covariance:
+        """Of the unknowns in common."""
+        places, problem = self.texels.common_places, self.texels.problem
+        scores = torch.zeros(problem.size, dtype=torch.float64).index_copy_(0, places, self.scores)
+        free = ~at_bound(problem, self.unknowns, scores)[places]
+        covariance = fisher(self.information / self.inflation, free)
+        error = _CURVATURE_ERROR * covariance.matrix @ self.bend / self.inflation
+        return replace(covariance, matrix=covariance.matrix + error[:, None] * error)
+
+    @cached_property
+    def std(self) -> Tensor:
+        """Standard errors of θ [T, N]: of a texel's own samples, and of the unknowns in common."""
+        moves = self.moves.double()
+        following = torch.einsum("tsn,su,tun->tn", moves, self.covariance.matrix, moves)
+        std = (self.inflation * self.variance + following.to(self.variance)).sqrt()
+        return torch.where(self.theta.isnan(), math.nan, std)
+
+    @property
+    def mean_std(self) -> Tensor:
+        """Standard errors of the mean of θ over all texels that are seen [T]."""
+        seen = ~self.theta[0].isnan()
+        own = self.inflation * self.variance[:, seen].double().sum(1) / int(seen.sum()) ** 2
+        moves = self.moves[..., seen].double().mean(-1)
+        return (own + torch.einsum("ts,su,tu->t", moves, self.covariance.matrix, moves)).sqrt()
+
+
+@single_threaded_torch()
+@torch.no_grad()
+def fit_maps(
+    problem: Problem,
+    unknowns: Tensor,
+    mapped: Sequence[str],
+    few: TexelTile,
+    tiles: TexelTiles,
+    count: int,
+    *,
+    regions: int = 1,
+    seed: int = 0,
+    progress: Progress = silent,
+) -> MapFit:
+    """Values of some parameters at every texel, and the other parameters in common.
+
+    The parameters in common are found from all samples of some texels, and so is what values of texels scatter by; one
+    pass over all samples then gives every texel its values and the parameters in common a step, which the texels
+    follow.
+
+    Args:
+        problem: what is estimated.
+        unknowns: of a fit with one value for all texels [P].
+        mapped: parameters of texels.
+        few: all samples at some texels.
+        tiles: all samples.
+        count: N; `texels` of tiles are below it.
+        regions: number of regions whose values texels take where they have none of their own.
+        seed: of the search for regions.
+        progress: called with a word on what is being done.
+    """
+    progress("fitting some texels")
+    texels = TexelUnknowns(problem, tuple(mapped))
+    in_common = descend(texels.without_shapes(), unknowns, few) if texels.shapes else None
+    sample = descend(texels, unknowns if in_common is None else in_common.fitter.unknowns, few)
+    elimination = Elimination.of(sample.fitter, sample.fit)
+    found = regions_of(sample, elimination, in_common, regions, seed)
+    knowledge = Knowledge.of(sample, elimination, found)
+    progress("fitting all texels")
+    out = _Maps.empty(texels, count)
+    here = sample.fitter.unknowns
+    for _ in range(_PASSES):
+        fitter = TexelFitter(texels, here, sample.residual_scale)
+        sums = _over_all(fitter, knowledge, tiles, out)
+        sums = sums._replace(scores=sums.scores + knowledge.bend * count)
+        here, is_linear = out.step(texels, here, sums, elimination.information)
+        if is_linear:
+            break
+    return out.fit(texels, here, sums, knowledge, sample.residual_scale, count, converged=is_linear)
+
+
+class _TileSums(NamedTuple):
+    """What a tile adds to the sums of a pass."""
+
+    information: Tensor
+    scores: Tensor
+    totals: Tensor
+    degrees: float
+
+
+def _over_all(fitter: TexelFitter, known: Knowledge, tiles: TexelTiles, out: _Maps) -> _TileSums:
+    """Fit all texels; what belongs to them goes to `out`, what is in common is summed."""
+
+    def work(get: Callable[[], TexelTile]) -> list[_TileSums]:
+        with torch.no_grad():
+            tile = get()
+            fit, own, counted = _shared(fitter, fitter.fit(tile, known.regions.weak_prior(len(tile))), known)
+            elimination = Elimination.of(fitter, fit, counted)
+            variance = elimination.covariance.diagonal().T
+            told = (1 - fit.prior.precision * variance).clamp(0, 1)
+            if fit.trials is not None:
+                among = variance_among_trials(fit, known.inflation)
+                variance = torch.where(own, variance, torch.maximum(variance, among))
+            out.put(tile, fit.theta, variance, elimination, own)
+            sums = totals(tile, fit.problem.squares, fit.radiance)
+            return [_TileSums(elimination.information, elimination.scores, sums, float(told.sum()))]
+
+    parts = list(in_groups(work, tiles))
+    return _TileSums(*(sum(column) for column in zip(*parts, strict=True)))
+
+
+def _shared(fitter: TexelFitter, fit: TileFit, known: Knowledge) -> tuple[TileFit, Tensor, Tensor | None]:
+    """The solution where what a texel does not tell is that of its region.
+
+    Shapes come first: an amplitude is told with its shape known, whatever that is known from.
+
+    Returns:
+        The solution, what texels tell of their own [T, n], and which of them tell of the unknowns in common [n].
+    """
+    texels, regions, inflation = fitter.texels, known.regions, known.inflation
+    labels = regions.labels(fit.theta)
+    limits = regions.limits(labels)
+    own, counted = torch.ones_like(fit.theta, dtype=torch.bool), None
+    is_shape = torch.tensor([row.name in texels.shapes for row in texels.rows])
+    for some in (is_shape, ~is_shape):
+        if not bool(some.any()):
+            continue
+        elimination = Elimination.of(fitter, fit)
+        std = (inflation * elimination.covariance.diagonal().T).sqrt()
+        untold = some[:, None] & (std > limits)
+        if fit.trials is not None and some is is_shape:
+            untold |= some[:, None] & ambiguous(fit, std, inflation)
+            counted = Reliable.of(fitter, fit, elimination, inflation, known.limit).counted
+        own &= ~untold
+        if places := untold.any(0).nonzero()[:, 0].tolist():
+            fit = fitter.with_prior(fit, regions.prior(labels, own), torch.tensor(places))
+    return fit, own, counted
+
+
+@dataclass(frozen=True, eq=False)
+class _Maps:
+    """What belongs to the texels, filled tile by tile; attributes are those of `MapFit`."""
+
+    theta: Tensor
+    variance: Tensor
+    moves: Tensor
+    own: Tensor
+    held: Tensor
+
+    @classmethod
+    def empty(cls, texels: TexelUnknowns, count: int) -> _Maps:
+        rows, common = len(texels.rows), len(texels.common)
+        numbers = (torch.full((rows, *between, count), math.nan) for between in ((), (), (common,)))
+        flags = (torch.zeros(rows, count, dtype=torch.bool) for _ in range(2))
+        return cls(*numbers, *flags)
+
+    def put(self, tile: TexelTile, theta: Tensor, variance: Tensor, elimination: Elimination, own: Tensor) -> None:
+        """The solution of a tile; texels that no sample shows have none."""
+        seen = tile.usable.unflatten(0, (tile.images, -1)).any(0)
+        at = tile.texels[seen]
+        self.theta[:, at] = theta[:, seen].float()
+        self.variance[:, at] = variance[:, seen].float()
+        self.moves[..., at] = elimination.moves[..., seen].float()
+        self.own[:, at], self.held[:, at] = own[:, seen], elimination.held[:, seen]
+
+    def step(self, texels: TexelUnknowns, unknowns: Tensor, sums: _TileSums, sample: Tensor) -> tuple[Tensor, bool]:
+        """A step of the unknowns in common, which texels follow: u [P], and whether they follow it linearly.
+
+        Args:
+            texels: the unknowns.
+            unknowns: u [P].
+            sums: of all tiles.
+            sample: information of some texels on the unknowns in common [S, S], that u [P] is from.
+        """
+        change, _ = step(texels, unknowns, sums.information, sums.scores)
+        inside = change[texels.common_places]
+        follows = torch.einsum("tsn,s->tn", self.moves, inside.float())
+        torch.clamp(self.theta + follows, texels.lower.float(), texels.upper.float(), out=self.theta)
+        length = math.sqrt(max(float(inside @ sample @ inside), 0.0))
+        return moved(texels.problem, unknowns, change), length < _LINEAR
+
+    def fit(
+        self,
+        texels: TexelUnknowns,
+        unknowns: Tensor,
+        sums: _TileSums,
+        known: Knowledge,
+        residual_scale: ResidualScale,
+        count: int,
+        *,
+        converged: bool,
+    ) -> MapFit:
+        """All together."""
+        return MapFit(
+            texels, unknowns, self.theta, self.variance, self.moves, self.own, self.held, sums.information, sums.scores,
+            known.bend * count, sums.totals, sums.degrees, converged, residual_scale, known.regions,
+        )  # fmt: skip

@@ -1,0 +1,151 @@
+"""The optimum of everything over some texels, and what it says of all."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from matest.estimators.covariance import fisher
+from matest.estimators.levenberg_marquardt import at_bound, moved
+from matest.estimators.moments import SCORES
+from matest.estimators.texels.elimination import Elimination
+from matest.estimators.texels.fit import TexelFitter, TexelProblem, TileFit
+from matest.estimators.texels.regions import Regions
+from matest.estimators.texels.trust import Reliable, ambiguous, curvature, totals
+from matest.estimators.texels.unknowns import TexelUnknowns
+from matest.samples.likelihood import LeastSquares, deviations
+from matest.samples.residual_scale import NOISE_ALONE, ResidualScale, half_angle
+from matest.samples.texels import TexelTile
+
+# Steps of the parameters in common over the samples of some texels.
+_STEPS = 20
+# Standard errors of the parameters in common below which a step is the last.
+_LAST_STEP = 0.1
+
+
+class SomeTexels(NamedTuple):
+    """The solution over some texels.
+
+    Attributes:
+        fitter: with the parameters in common.
+        fit: of the texels.
+        residual_scale: of the residuals there.
+        inflation: of squared errors there.
+    """
+
+    fitter: TexelFitter
+    fit: TileFit
+    residual_scale: ResidualScale
+    inflation: float
+
+
+def descend(texels: TexelUnknowns, unknowns: Tensor, tile: TexelTile) -> SomeTexels:
+    """The optimum of everything over the samples of a tile."""
+    scale = NOISE_ALONE
+    fitter = TexelFitter(texels, unknowns, scale)
+    prior = Regions.single(texels, unknowns).weak_prior(len(tile))
+    fit = fitter.fit(tile, prior)
+    for _ in range(_STEPS):
+        values = fit.radiance
+        scale, inflation = _scale(tile, values), _inflation(tile, fit.problem.squares, values, len(texels.rows))
+        elimination = Elimination.of(fitter, fit)
+        if fit.trials is not None and texels.common:
+            elimination = Elimination.of(fitter, fit, Reliable.of(fitter, fit, elimination, inflation).counted)
+        change, length = step(texels, unknowns, elimination.information, elimination.scores)
+        unknowns = moved(texels.problem, unknowns, change)
+        theta = fit.theta + torch.einsum("tsn,s->tn", elimination.moves, change[texels.common_places].float())
+        fitter = TexelFitter(texels, unknowns, scale)
+        fit = fitter.moved(fit, theta)
+        if length < _LAST_STEP * math.sqrt(inflation):
+            break
+    return SomeTexels(fitter, fit, scale, inflation)
+
+
+@dataclass(frozen=True, eq=False)
+class Knowledge:
+    """What some texels have told.
+
+    Attributes:
+        regions: that texels take values from.
+        inflation: of squared errors.
+        limit: relative standard error of the shapes of texels that tell of the unknowns in common.
+        bend: what curvature adds to their scores, per texel [S].
+    """
+
+    regions: Regions
+    inflation: float
+    limit: float
+    bend: Tensor
+
+    @classmethod
+    def of(cls, sample: SomeTexels, elimination: Elimination, regions: Regions) -> Knowledge:
+        fitter, fit = sample.fitter, sample.fit
+        if fit.trials is None or not fitter.texels.common:
+            return cls(regions, sample.inflation, 0.0, torch.zeros(len(fitter.texels.common), dtype=torch.float64))
+        reliable = Reliable.of(fitter, fit, elimination, sample.inflation)
+        bend = 0.5 * curvature(fitter, fit, elimination, sample.inflation)
+        bent = TexelProblem.of(fit.problem, fit.problem.squares._replace(response=fit.radiance + bend), fit.theta)
+        there = replace(fit, problem=bent, prior=fit.prior._replace(mean=fit.theta))
+        scores = Elimination.of(fitter, there, reliable.counted).scores
+        return cls(regions, sample.inflation, reliable.limit, scores / len(fit.tile))
+
+
+def regions_of(
+    sample: SomeTexels, elimination: Elimination, in_common: SomeTexels | None, count: int, seed: int
+) -> Regions:
+    """Regions of a material, and what is known of them from some texels.
+
+    Args:
+        sample: the solution over these texels.
+        elimination: of them.
+        in_common: the solution with one value of each shape for all of them; None: no shape is mapped.
+        count: of regions.
+        seed: of the search for them.
+    """
+    fitter, fit = sample.fitter, sample.fit
+    texels, theta = fitter.texels, fit.theta
+    found = Regions.of(texels, theta, count, seed)
+    labels = found.labels(theta)
+    values = fitter.unknowns[texels.places, None].repeat(1, len(found.features))
+    for region in range(len(found.features)):
+        places = (labels == region).nonzero()[:, 0]
+        if in_common is None or len(found.features) == 1:
+            break
+        shared = descend(texels.without_shapes(), in_common.fitter.unknowns, fit.tile.some(places))
+        values[:, region] = shared.fitter.unknowns[texels.places]
+    std = (sample.inflation * elimination.covariance.diagonal().T).sqrt()
+    if fit.trials is not None:
+        std = torch.where(ambiguous(fit, std, sample.inflation), math.inf, std)
+    return found.filled(labels, theta, std, values)
+
+
+def step(texels: TexelUnknowns, unknowns: Tensor, information: Tensor, scores: Tensor) -> tuple[Tensor, float]:
+    """The step of the unknowns in common, 0 at the others [P], and its length in standard errors of the noise."""
+    places, problem = texels.common_places, texels.problem
+    every = torch.zeros(problem.size, dtype=torch.float64).index_copy_(0, places, scores)
+    free = ~at_bound(problem, unknowns, every)[places]
+    step = torch.zeros(problem.size, dtype=torch.float64)
+    step[places] = fisher(information, free).matrix @ scores
+    change = (moved(problem, unknowns, step) - unknowns)[places]
+    step = torch.zeros_like(step).index_copy_(0, places, change)
+    return step, math.sqrt(max(float(change @ information @ change), 0.0))
+
+
+def _scale(tile: TexelTile, values: Tensor) -> ResidualScale:
+    """The scale of the residuals of a tile from radiance [I·n, C]."""
+    rows = tile.usable.nonzero()[:, 0]
+    batch = tile.batch[rows]
+    return ResidualScale.of(
+        half_angle(batch.points).expand(len(batch)), deviations(values[rows], batch.radiance, batch.noise)
+    )
+
+
+def _inflation(tile: TexelTile, squares: LeastSquares, values: Tensor, unknowns: int) -> float:
+    """χ² per degree of freedom of a tile, at least 1."""
+    sums = totals(tile, squares, values)
+    chi2, count = (float(sums[SCORES.index(name)]) for name in ("chi2", "values"))
+    return max(chi2 / max(count - unknowns * len(tile), 1.0), 1.0)

@@ -1,0 +1,107 @@
+"""Sums over the photographs of every texel: columns of a model, and what they tell of unknowns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from torch import Tensor
+
+from matest.estimators.columns import Columns
+from matest.estimators.texels.unknowns import Row
+from matest.samples.likelihood import LeastSquares
+
+
+class Coefficients(NamedTuple):
+    """The weights of K columns in the radiance of n texels.
+
+    Attributes:
+        total: [C, K, n].
+        slopes: their derivatives by parameters, by name [C, K, n]; each channel's by its own value.
+    """
+
+    total: Tensor
+    slopes: Mapping[str, Tensor]
+
+
+class TexelNormal(NamedTuple):
+    """The least-squares problem of R unknowns of each of n texels.
+
+    Attributes:
+        cost: rᵀWr [n].
+        gradient: JᵀWr [R, n].
+        information: JᵀWJ [R, R, n].
+    """
+
+    cost: Tensor
+    gradient: Tensor
+    information: Tensor
+
+
+@dataclass(frozen=True, eq=False)
+class TexelGram:
+    """Sums of the columns Φ over the samples of every texel, r being the residual of some radiance.
+
+    Attributes:
+        products: ΦᵀWΦ [C, K, K, n].
+        moments: ΦᵀWr [C, K, n].
+        cost: rᵀWr [n].
+        reference: coefficients of the radiance that residuals are of [C, K, n].
+    """
+
+    products: Tensor
+    moments: Tensor
+    cost: Tensor
+    reference: Tensor
+
+    @classmethod
+    def of(cls, columns: Columns, squares: LeastSquares, reference: Tensor, images: int) -> TexelGram:
+        """Of columns [G, K, I·n], residuals being those of coefficients `reference` [C, K, n]."""
+        values = columns.values.unflatten(-1, (images, -1))
+        tint = columns.tint.tolist()
+        count, channels = values.shape[1], squares.weight.shape[1]
+        products = reference.new_empty(channels, count, count, values.shape[-1])
+        moments = reference.new_empty(channels, count, values.shape[-1])
+        cost = reference.new_zeros(values.shape[-1])
+        for channel in range(channels):
+            of_channel = values[min(channel, len(values) - 1)]
+            if tint[channel] != 1:
+                of_channel = of_channel * tint[channel]
+            weight, response = (part[:, channel].unflatten(0, (images, -1)) for part in squares[1::-1])
+            residual = response - (reference[channel][:, None].to(of_channel) * of_channel).sum(0)
+            weighted = weight * of_channel
+            moments[channel] = (weighted * residual).sum(1)
+            cost += (weight * residual.square()).sum(0)
+            for row in range(count):
+                sums = (weighted[row] * of_channel[: row + 1]).sum(1)
+                products[channel, row, : row + 1] = sums
+                products[channel, : row + 1, row] = sums
+        return cls(products, moments, cost, reference)
+
+    def normal(self, at: Coefficients, rows: Sequence[Row]) -> TexelNormal:
+        """What the samples tell of unknowns about some coefficients, of which the first K belong to the columns."""
+        count = self.reference.shape[1]
+        change = at.total[:, :count] - self.reference
+        bent = (self.products * change[:, None]).sum(2)
+        cost = self.cost + (change * (bent - 2 * self.moments)).sum((0, 1))
+        moments = self.moments - bent
+        gradient = cost.new_zeros(len(rows), len(cost))
+        information = cost.new_zeros(len(rows), len(rows), len(cost))
+        for channel in range(len(moments)):
+            inside = [k for k, row in enumerate(rows) if row.channel in (None, channel)]
+            slopes = [at.slopes[rows[k].name][channel, :count] for k in inside]
+            images = [(self.products[channel] * slope).sum(1) for slope in slopes]
+            for k, slope in zip(inside, slopes, strict=True):
+                gradient[k] += (slope * moments[channel]).sum(0)
+                for other, image in zip(inside, images, strict=True):
+                    if other <= k:
+                        information[k, other] += (slope * image).sum(0)
+        for k in range(len(rows)):
+            information[:k, k] = information[k, :k]
+        return TexelNormal(cost, gradient, information)
+
+    def some(self, places: Tensor) -> TexelGram:
+        """Of some of the texels, int64 [m]."""
+        parts = (self.products, self.moments, self.cost, self.reference)
+        return TexelGram(*(part.index_select(-1, places) for part in parts))
