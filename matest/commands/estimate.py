@@ -41,6 +41,12 @@ def estimate(
             metavar="PARAM", help="A parameter with a value at every pixel: albedo, specular; written to maps/."
         ),
     ] = "",
+    smooth_maps: Annotated[
+        int,
+        typer.Option(
+            metavar="RADIUS", help="Radius in pixels of a filter of the map; written beside it.", show_default=False
+        ),
+    ] = 0,
     seed: arguments.Seed = 0,
     device: Annotated[str, typer.Option(help="Where to compute: cpu, cuda.")] = "cpu",
     pictures: arguments.Pictures = PictureSize.PREVIEW,
@@ -60,6 +66,7 @@ def estimate(
         model, fix, free, tie, transfer,
         holdout=arguments.indices(holdout), precision=precision, seed=seed, device=device,
         uncertainty=arguments.uncertainty(uncertainty), refine=() if refine is None else refine, maps=maps,
+        smooth_maps=smooth_maps,
     )  # fmt: skip
     check_options(options)
     jobs = batch.jobs(captures, out, options, " ".join(["matest", *sys.argv[1:]]), pictures)

@@ -46,6 +46,7 @@ def estimate(
     uncertainty: Uncertainty | Mapping[str, float | Sequence[float]] | None = None,
     refine: str | Sequence[str] = (),
     maps: str | Sequence[str] = (),
+    smooth_maps: int = 0,
     progress: Progress = silent,
 ) -> Estimate:
     """The material of a capture with its error bars.
@@ -66,6 +67,7 @@ def estimate(
         refine: families of errors of the calibration to estimate with the material, as ["direction", "pose"] or
             "direction,pose"; "all": every family; "auto": those that explain what the fit without them leaves.
         maps: a parameter that multiplies the reflectance, with a value at every pixel; "albedo" is the body's.
+        smooth_maps: radius in pixels by which `Estimate.smooth_maps` are smoothed between edges; 0: there are none.
         progress: called with a word on what is being done.
 
     Raises:
@@ -80,7 +82,7 @@ def estimate(
     options = Options(
         model=model, fix=fix or {}, free=free, tie=tie or {}, holdout=holdout, precision=precision, seed=seed,
         device=device, uncertainty=as_uncertainty(uncertainty), refine=refine,
-        maps=maps,
+        maps=maps, smooth_maps=smooth_maps,
     )  # fmt: skip
     return estimate_with(capture, options, progress)
 
@@ -145,6 +147,7 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         residual_scale=solution.residual_scale,
         residuals=outcome.residuals,
         maps=outcome.maps,
+        smooth_maps=outcome.smooth_maps,
         warnings=warnings(context),
     )
 

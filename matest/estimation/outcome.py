@@ -17,6 +17,7 @@ from matest.estimation.prediction import relative_error
 from matest.estimation.refining import refined
 from matest.estimation.remedies import Diagnosis, diagnoses, of_pixel_area
 from matest.estimation.residual_angles import AngularResiduals, residuals_by_angle
+from matest.estimation.smoothing import smoothed, smoothing_note
 from matest.estimators import Solution
 from matest.inference.image_errors import few_samples
 from matest.inference.posterior import Posterior, judge, judge_to_first_order
@@ -40,7 +41,7 @@ class Outcome:
         error_of: the relative error on photographs of these numbers, which were left out.
         refined: families of errors of the calibration that were estimated.
         is_random: whether nothing is known that would explain residuals.
-        nuisance, diagnosis, images, residuals, maps: as in `Estimate`.
+        nuisance, diagnosis, images, residuals, maps, smooth_maps: as in `Estimate`.
         notes: sentences on what error bars do not hold.
     """
 
@@ -56,6 +57,7 @@ class Outcome:
     images: list[PhotographFit] = field(default_factory=list)
     residuals: Mapping[str, AngularResiduals] = field(default_factory=dict)
     maps: dict[str, ParameterMap] = field(default_factory=dict)
+    smooth_maps: dict[str, ParameterMap] = field(default_factory=dict)
     notes: Sequence[str] = ()
 
 
@@ -115,14 +117,24 @@ def mapped_outcome(
     mapped = fit_with_maps(solution, samples, options, progress)
     posterior = judge_to_first_order(mapped.solution, samples)
     stated = capture.stated_uncertainty.merged(options.uncertainty).stated
-    note = f"Error bars beside a map do not hold stated errors of the calibration ({', '.join(stated)})."
+    parameters = mapped.parameters(posterior.estimates)
+    radius, surface = options.smooth_maps, capture.scene.surface
+    notes = []
+    if stated:
+        notes.append(f"Error bars beside a map do not hold stated errors of the calibration ({', '.join(stated)}).")
+    smooth = {}
+    if radius:
+        chi2 = posterior.bars.chi2
+        smooth = {name: smoothed(each, surface, radius, parameters[name], chi2) for name, each in mapped.maps.items()}
+        notes.append(smoothing_note(radius))
     return Outcome(
         solution=mapped.solution,
         posterior=posterior,
         material=mapped.material,
-        parameters=mapped.parameters(posterior.estimates),
+        parameters=parameters,
         error_of=lambda images: mapped.error_of(capture.photographs.samples(images)),
         diagnosis=[mistake.diagnosis] if mistake else [],
         maps=dict(mapped.maps),
-        notes=[note] if stated else [],
+        smooth_maps=smooth,
+        notes=notes,
     )

@@ -20,6 +20,7 @@ BRIGHTEST = 0.1
 def write_maps(estimate: Estimate, surface: Surface, folder: Path) -> None:
     """`maps/NAME.exr` and `NAME_std.exr` [H, W, C], `NAME_status.png` [H, W], and previews of the former two as PNG.
 
+    Smoothed maps are `NAME_smooth.exr` and `NAME_smooth_std.exr` beside them.
     Where no photograph shows a pixel, its value, standard error and status (`TexelStatus`) are 0.
     """
     for name, each in estimate.maps.items():
@@ -32,6 +33,9 @@ def write_maps(estimate: Estimate, surface: Surface, folder: Path) -> None:
         write_image(folder / picture_file(name, "status"), status)
         write_image(folder / picture_file(name), srgb(np.nan_to_num(_coloured(value))))
         write_image(folder / picture_file(name, "std"), _relative(each, surface))
+    for name, each in estimate.smooth_maps.items():
+        for kind, part in (("smooth", each.value), ("smooth_std", each.std)):
+            write_image(folder / map_file(name, kind), surface.image(np.nan_to_num(part.float().numpy())))
 
 
 def picture_file(name: str, kind: str = "") -> str:
