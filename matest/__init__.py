@@ -14,10 +14,12 @@ if TYPE_CHECKING:
     from matest import brdf, losses
     from matest.capture import Capture, load_capture
     from matest.estimation.estimate import estimate
+    from matest.estimation.parameter_map import with_maps
     from matest.estimation.prediction import predict
     from matest.estimation.result import Estimate, load_material
     from matest.estimation.table_fit import fit_table
     from matest.identifiability import check, load_plan
+    from matest.report.maps import load_maps
     from matest.scene import Scene
     from matest.shading import render, shade
     from matest.simulate import load_scene
@@ -37,6 +39,7 @@ _HOME = {
     "fit_gradient": "matest.training.gradient",
     "fit_table": "matest.estimation.table_fit",
     "load_capture": "matest.capture",
+    "load_maps": "matest.report.maps",
     "load_material": "matest.estimation.result",
     "load_plan": "matest.identifiability",
     "load_scene": "matest.simulate",
@@ -44,6 +47,7 @@ _HOME = {
     "predict": "matest.estimation.prediction",
     "render": "matest.shading",
     "shade": "matest.shading",
+    "with_maps": "matest.estimation.parameter_map",
 }
 _MODULES = ("brdf", "losses")
 
@@ -59,6 +63,7 @@ __all__ = [
     "fit_gradient",
     "fit_table",
     "load_capture",
+    "load_maps",
     "load_material",
     "load_plan",
     "load_scene",
@@ -67,6 +72,7 @@ __all__ = [
     "predict",
     "render",
     "shade",
+    "with_maps",
 ]
 
 

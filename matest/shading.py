@@ -97,13 +97,22 @@ def render_pixels(
     device: torch.device | str = "cpu",
 ) -> Tensor:
     """Radiance [n, C] of some of the surface's N pixels, by their `index` [n], in one of the images of `render`."""
-    count = len(scene.surface)
     parts = []
     for tile in index.split(_TILE):
-        of_tile = {name: v[tile] for name, v in material.parameters.items() if v.ndim > 1 and len(v) == count > 1}
         points = scene.points(image, tile, dtype=dtype, device=device)
-        parts.append(shade(material.replace(of_tile), points).expand(-1, scene.channels))
+        of_tile = at_pixels(material, tile, len(scene.surface))
+        parts.append(shade(of_tile, points).expand(-1, scene.channels))
     return torch.cat(parts)
+
+
+def at_pixels(material: Brdf, index: Tensor, count: int) -> Brdf:
+    """The material at some of a surface's pixels, by their `index` [n], of which there are `count`."""
+    of_pixels = {
+        name: value[index.to(value.device)]
+        for name, value in material.parameters.items()
+        if value.ndim > 1 and len(value) == count > 1
+    }
+    return material.replace(of_pixels) if of_pixels else material
 
 
 def reflectance(brdf: Brdf, cos_o: Tensor) -> Tensor:
@@ -119,7 +128,8 @@ def reflectance(brdf: Brdf, cos_o: Tensor) -> Tensor:
     lobes = [name for name, value in values.parameters.items() if name not in amplitudes and value.ndim > 1]
     if lobes:
         raise InputError(
-            f"ambient light needs one value of {', '.join(lobes)} for the whole surface, not one per point."
+            f"ambient light needs one value of {', '.join(lobes)} for the whole surface, not one per point: take its "
+            "mean, or leave out the ambient light."
         )
     even = {name: torch.ones_like(value) for name, value in values.parameters.items() if name in amplitudes}
     total = torch.zeros((), dtype=cos_o.dtype, device=cos_o.device)

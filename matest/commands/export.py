@@ -43,6 +43,8 @@ def export(
         error = target.write(material, file)
     if material_is_relative(result):
         note(f"the albedo in {result} is known up to a scale only, and so is the brightness of what was written.")
+    if (folder / "maps").is_dir() and to == "merl":
+        note(f"a table is of one reflectance: the mean of each of the maps in {folder} stands for it.")
     if as_json:
         print_json({"file": str(file), "target": to, "error": asdict(error)})
         return

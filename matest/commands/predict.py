@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -11,6 +12,11 @@ import matest
 from matest.commands import arguments
 from matest.commands.console import console, note, print_json, progress
 from matest.report.picture_size import PictureSize
+
+if TYPE_CHECKING:
+    from matest.brdf import Brdf
+    from matest.capture import Capture
+    from matest.estimation.parameter_map import ParameterMap
 
 EXAMPLE = "matest predict renders/vase/matest renders/vase -o prediction"
 
@@ -26,7 +32,8 @@ def predict(
     """Shade an estimated material under a capture's lights.
 
     Prints the error against each photograph; writes linear radiance (NN.exr), pictures and prediction.json to OUT
-    (default: RESULT-predict-<capture name>).
+    (default: RESULT-predict-<capture name>). Where the result has maps and the capture shows the object from the same
+    view, every pixel has its own values.
     """
     from matest.batch import capture_name
     from matest.estimation.prediction import prediction_errors
@@ -39,15 +46,62 @@ def predict(
     check_destination(place, "prediction.json")
     with progress(str(capture)) as say:
         photographs = matest.load_capture(capture, transfer=arguments.encoding(transfer), progress=say)
+        material, maps = _with_maps(material, result, photographs)
         say("shading")
         errors = prediction_errors(photographs, material)
-        write_prediction(material, errors, photographs, place, pictures=pictures)
+        write_prediction(material, errors, photographs, place, pictures=pictures, maps=maps)
     if not photographs.relative and material_is_relative(result):
         note(f"the albedo in {result} is known up to a scale only, so brightness and errors here are off by that.")
     if as_json:
-        by_image = dict(zip(photographs.names, errors.images, strict=True))
-        print_json({"out": str(place), "relative_rmse": by_image, "pooled_relative_rmse": errors.pooled})
+        print_json(
+            {
+                "out": str(place),
+                "relative_rmse": dict(zip(photographs.names, errors.images, strict=True)),
+                "pooled_relative_rmse": errors.pooled,
+                "median_error": dict(zip(photographs.names, errors.medians, strict=True)),
+                "pooled_median_error": errors.pooled_median,
+                "maps": [*maps],
+            }
+        )
         return
     from matest.report.tables import prediction_table
 
-    console().print(prediction_table(errors, photographs.names), f"Written to {place}")
+    console().print(prediction_table(errors, photographs.names), *_shaded_as(maps), f"Written to {place}", sep="\n")
+
+
+def _with_maps(material: Brdf, result: Path, capture: Capture) -> tuple[Brdf, dict[str, ParameterMap]]:
+    """The material with the maps of a result that belong to the view of a capture, and these maps.
+
+    Notes say which do not, and that their means take their place.
+    """
+    from matest.estimation.parameter_map import with_maps
+    from matest.report.maps import load_maps, view_difference
+
+    surface, ambient = capture.scene.surface, bool((capture.scene.ambient > 0).any())
+    if difference := view_difference(result, surface):
+        note(f"{difference}. Maps belong to the view they were estimated in: their means are used instead.")
+        return material, {}
+    maps = load_maps(result, surface)
+    shapes = [name for name in maps if ambient and name not in material.structure.amplitudes]
+    if shapes:
+        note(
+            f"under the ambient light of {capture.name} {', '.join(shapes)} must have one value: the mean of the map "
+            "is used instead."
+        )
+    used = {name: each for name, each in maps.items() if name not in shapes}
+    return with_maps(material, used), used
+
+
+def _shaded_as(maps: Mapping[str, ParameterMap]) -> list[str]:
+    """What has a value of its own at every pixel, as a sentence; nothing where nothing has."""
+    from matest.estimation.parameter_map import TexelStatus
+
+    if not maps:
+        return []
+    sentence = f"Every pixel is shaded with its own {' and '.join(maps)}"
+    unseen = max(each.shares[TexelStatus.UNSEEN] for each in maps.values())
+    return [
+        f"{sentence}; {unseen:.1%} of them, of which the maps have no value, take the mean."
+        if unseen
+        else f"{sentence}."
+    ]

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from matest.errors import InputError
 from matest.estimation.freeing import determined_by_images, widened
@@ -14,6 +14,7 @@ from matest.estimation.misreading import misdescribed, misreading
 from matest.estimation.options import AUTO, Options, Value, as_uncertainty
 from matest.estimation.outcome import mapped_outcome, outcome_of
 from matest.estimation.photographs import standing_out
+from matest.estimation.prediction import PredictionErrors
 from matest.estimation.remarks import message, skipped, unread_samples
 from matest.estimation.result import Estimate, Fit
 from matest.estimation.selection import select
@@ -139,7 +140,7 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         candidates=selection.candidates if selection else [],
         skipped=skipped(samples, solution, len(held_out), selection.unsupported if selection else []),
         timing_s={**{stage: capture.timing.get(stage, 0.0) for stage in ("read", "geometry")}, "fit": fit_s},
-        holdout={"images": held_out, "relative_rmse": outcome.error_of(held_out)} if held_out else None,
+        holdout=_holdout(held_out, outcome.errors_of(held_out)) if held_out else None,
         nuisance=outcome.nuisance,
         diagnosis=outcome.diagnosis,
         misreading=mistake,
@@ -150,6 +151,11 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         smooth_maps=outcome.smooth_maps,
         warnings=warnings(context),
     )
+
+
+def _holdout(images: Sequence[int], errors: PredictionErrors) -> dict[str, Any]:
+    """The images that were left out, and the errors there."""
+    return {"images": [*images], "relative_rmse": errors.pooled, "median_error": errors.pooled_median}
 
 
 def _samples(capture: Capture, options: Options) -> CalibratedSamples:

@@ -13,12 +13,13 @@ from matest.estimation.misreading import Misreading
 from matest.estimation.options import Options
 from matest.estimation.parameter_map import ParameterMap
 from matest.estimation.photographs import PhotographFit, photograph_fits
-from matest.estimation.prediction import relative_error
+from matest.estimation.prediction import PredictionErrors, mapped_radiance, photograph_errors, prediction_errors
 from matest.estimation.refining import refined
 from matest.estimation.remedies import Diagnosis, diagnoses, of_pixel_area
 from matest.estimation.residual_angles import AngularResiduals, residuals_by_angle
 from matest.estimation.smoothing import smoothed, smoothing_note
 from matest.estimators import Solution
+from matest.estimators.passes import radiance_model
 from matest.inference.image_errors import few_samples
 from matest.inference.posterior import Posterior, judge, judge_to_first_order
 from matest.inference.quantities import ParameterEstimate
@@ -38,7 +39,7 @@ class Outcome:
         posterior: of its unknowns.
         material: the model at the solution, with a value at every pixel of what is mapped.
         parameters: by name.
-        error_of: the relative error on photographs of these numbers, which were left out.
+        errors_of: the errors on photographs of these numbers, which were left out.
         refined: families of errors of the calibration that were estimated.
         is_random: whether nothing is known that would explain residuals.
         nuisance, diagnosis, images, residuals, maps, smooth_maps: as in `Estimate`.
@@ -49,7 +50,7 @@ class Outcome:
     posterior: Posterior
     material: Brdf
     parameters: Mapping[str, ParameterEstimate]
-    error_of: Callable[[Sequence[int]], float | None]
+    errors_of: Callable[[Sequence[int]], PredictionErrors]
     refined: Sequence[str] = ()
     is_random: bool = True
     nuisance: dict[str, NuisanceEstimate] = field(default_factory=dict)
@@ -89,18 +90,19 @@ def outcome_of(
     posterior = (judge_to_first_order if mistake else judge)(solution, samples, budget=budget)
     drawn = few_samples(samples, options.seed)
     material = solution.problem.material(solution.unknowns)
+    radiance = radiance_model(solution.problem, solution.unknowns)
     return Outcome(
         solution=solution,
         posterior=posterior,
         material=material,
         parameters=posterior.estimates,
-        error_of=lambda images: relative_error(capture, material, images, solution),
+        errors_of=lambda images: prediction_errors(capture, material, images, solution),
         refined=[*calibration.refined],
         is_random=all(cause.refined for cause in faults),
         nuisance=calibration.estimates(solution, posterior, samples),
         diagnosis=[mistake.diagnosis] if mistake else diagnoses(faults),
         images=photograph_fits(solution, samples, capture.scene, drawn),
-        residuals=residuals_by_angle(solution, drawn[0]),
+        residuals=residuals_by_angle(radiance, solution.residual_scale, drawn[0]),
         notes=notes,
     )
 
@@ -117,6 +119,8 @@ def mapped_outcome(
     mapped = fit_with_maps(solution, samples, options, progress)
     posterior = judge_to_first_order(mapped.solution, samples)
     stated = capture.stated_uncertainty.merged(options.uncertainty).stated
+    material, residual_scale = mapped.material, mapped.solution.residual_scale
+    drawn, _ = few_samples(samples, options.seed)
     parameters = mapped.parameters(posterior.estimates)
     radius, surface = options.smooth_maps, capture.scene.surface
     notes = []
@@ -130,10 +134,12 @@ def mapped_outcome(
     return Outcome(
         solution=mapped.solution,
         posterior=posterior,
-        material=mapped.material,
+        material=material,
         parameters=parameters,
-        error_of=lambda images: mapped.error_of(capture.photographs.samples(images)),
+        errors_of=lambda images: prediction_errors(capture, material, images),
         diagnosis=[mistake.diagnosis] if mistake else [],
+        images=photograph_errors(capture, material, samples.account.images, residual_scale),
+        residuals=residuals_by_angle(mapped_radiance(material, samples.texels), residual_scale, drawn),
         maps=dict(mapped.maps),
         smooth_maps=smooth,
         notes=notes,

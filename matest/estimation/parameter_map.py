@@ -50,13 +50,27 @@ class ParameterMap:
         return float(own.double().mean())
 
     @property
+    def shares(self) -> dict[TexelStatus, float]:
+        """Share of the object's pixels of every status."""
+        counts = torch.bincount(self.status.long(), minlength=len(TexelStatus)).double() / max(len(self.status), 1)
+        return {status: float(counts[status]) for status in TexelStatus}
+
+    @property
     def filled(self) -> Tensor:
         """The values, with the mean where no photograph shows a pixel [N, 1 or C]."""
         return torch.where(self.value.isnan(), self.mean.to(self.value), self.value)
 
 
 def with_maps(material: Brdf, maps: Mapping[str, ParameterMap]) -> Brdf:
-    """A material with a value at every pixel of what is mapped."""
+    """A material with a value at every pixel of what is mapped.
+
+    Args:
+        material: with values for the whole object.
+        maps: by name of the parameter, as `Estimate.maps` and `load_maps` have them.
+
+    Raises:
+        InputError: the material has no such parameter.
+    """
     return material.replace({name: each.filled.double() for name, each in maps.items()})
 
 

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
-from matest.estimators import Solution
-from matest.estimators.passes import radiance_model
 from matest.samples import Batch, Tile
-from matest.samples.residual_scale import half_angle
+from matest.samples.residual_scale import ResidualScale, half_angle
 from matest.scene.points import Points
 
 # Classes of an angle, and samples of a class that are enough.
@@ -39,17 +37,20 @@ class AngularResiduals:
         return len(self.degrees)
 
 
-def residuals_by_angle(solution: Solution, batch: Batch) -> Mapping[str, AngularResiduals]:
+def residuals_by_angle(
+    radiance: Callable[[Tile], Tensor], residual_scale: ResidualScale, batch: Batch
+) -> Mapping[str, AngularResiduals]:
     """The residuals of some samples by "half angle" and by "angle of incidence".
 
     Args:
-        solution: of the fit; errors of the calibration that it refined are allowed for.
+        radiance: gives that of the model at the samples of a tile [n, C].
+        residual_scale: by which outliers are judged.
         batch: the samples, a random part of those that were fitted.
     """
-    tile, radiance = Tile(batch), radiance_model(solution.problem, solution.unknowns)
+    tile = Tile(batch)
     with torch.no_grad():
         model = radiance(tile)
-    squares = tile.about(model, solution.residual_scale)
+    squares = tile.about(model, residual_scale)
     counts = (squares.plain & (squares.weight > 0)).to(model)
     signal = float((batch.radiance.square() * counts).sum() / counts.sum().clamp(min=1)) ** 0.5
     columns = torch.stack([counts, (batch.radiance - model) * counts, (batch.radiance - model).square() * counts])

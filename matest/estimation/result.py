@@ -178,6 +178,7 @@ class Estimate:
                     "value": map_file(name),
                     "std": map_file(name, "std"),
                     "determined": each.determined,
+                    "shares": {status.name.lower().replace("_", " "): each.shares[status] for status in each.shares},
                     **{kind: map_file(name, kind) for kind in ("smooth", "smooth_std") if name in self.smooth_maps},
                 }
                 for name, each in self.maps.items()

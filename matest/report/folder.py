@@ -8,7 +8,7 @@ import re
 import shutil
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -100,7 +100,7 @@ def write_result(
     progress("writing the report")
     with whole_folder(out) as folder:
         write_pictures(capture, estimate.material, folder, pictures, residual_scale=estimate.residual_scale)
-        write_maps(estimate, capture.scene.surface, folder)
+        write_maps(estimate, capture.scene.surface, folder, previews=pictures is not PictureSize.NONE)
         write_json(folder / "material.json", estimate.material_dict())
         timing = {**estimate.timing_s, "report": time.perf_counter() - clock}
         timing["total"] = sum(timing.values())
@@ -123,14 +123,32 @@ def write_prediction(
     out: Path,
     *,
     pictures: PictureSize = PictureSize.PREVIEW,
+    maps: Collection[str] = (),
 ) -> None:
-    """Write predicted images: `NN.exr` (linear radiance), the pictures of `write_pictures`, `prediction.json`."""
+    """Write predicted images: `NN.exr` (linear radiance), the pictures of `write_pictures`, `prediction.json`.
+
+    Args:
+        material: that is shaded.
+        errors: of it.
+        capture: that gives geometry and lights.
+        out: the folder.
+        pictures: how large they are.
+        maps: parameters of the material that have a value at every pixel.
+    """
     check_destination(out, "prediction.json")
     with whole_folder(out) as folder:
         write_pictures(capture, material, folder, pictures, radiance=True)
         images = [
-            {"image": name, "prediction": f"{number:02d}.exr", "relative_rmse": error}
-            for number, (name, error) in enumerate(zip(capture.names, errors.images, strict=True))
+            {"image": name, "prediction": f"{number:02d}.exr", "relative_rmse": error, "median_error": median}
+            for number, (name, error, median) in enumerate(
+                zip(capture.names, errors.images, errors.medians, strict=True)
+            )
         ]
-        content = {"schema": "matest.prediction/1", "images": images, "relative_rmse": errors.pooled}
+        content = {
+            "schema": "matest.prediction/1",
+            "images": images,
+            "relative_rmse": errors.pooled,
+            "median_error": errors.pooled_median,
+            "maps": [*maps],
+        }
         write_json(folder / "prediction.json", content)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from matest.estimation.parameter_map import ParameterMap, TexelStatus
 from matest.estimation.result import Candidate
 from matest.estimation.table_fit import Misfit
 from matest.inference.quantities import ParameterEstimate
@@ -19,6 +20,13 @@ CANDIDATES_LEGEND = (
     "error over rms signal, every value counting alike. Left out in turn: images; of one or two images four horizontal "
     "bands of each; of a measured table incidences (polar angles of the light)."
 )
+# What people read of the pixels of a map.
+_STATUSES = {
+    TexelStatus.DETERMINED: "determined",
+    TexelStatus.AT_BOUND: "at a bound",
+    TexelStatus.SHARED: "not told by their own photographs",
+    TexelStatus.UNSEEN: "not seen",
+}
 # Relative error from which on a multiple is read more easily than per cent.
 _LARGE_SHARE = 10.0
 
@@ -82,6 +90,18 @@ def share(value: float | None) -> str:
 def chi2(value: float) -> str:
     """Reduced χ²: two decimals near 1, three digits far from it."""
     return f"{value:.2f}" if value < 100 else f"{value:.3g}"
+
+
+def status_sentences(maps: Mapping[str, ParameterMap]) -> list[str]:
+    """What share of the object's pixels each map tells, a sentence each."""
+    return [f"Map of {name}: {_shares(each)}." for name, each in maps.items()]
+
+
+def _shares(each: ParameterMap) -> str:
+    """`determined at 93.1% of the object's pixels, not seen at 6.9%`."""
+    present = {_STATUSES[status]: each.shares[status] for status in _STATUSES if each.shares[status]}
+    texts = [f"{words} at {part:.1%}" if part >= 0.0005 else f"{words} at few" for words, part in present.items()]
+    return ", ".join([f"{texts[0]} of the object's pixels", *texts[1:]]) if texts else "no pixel"
 
 
 def stages(timing_s: Mapping[str, float]) -> str:

@@ -18,7 +18,7 @@ from matest.report.format import (
     share,
     stages,
 )
-from matest.report.maps import BRIGHTEST, picture_file
+from matest.report.map_figures import maps_section, style
 from matest.report.pictures import MEAN_RANGE, MEAN_RESIDUAL, RESIDUAL_RANGE
 
 _STYLE = """
@@ -51,7 +51,7 @@ def page(estimate: Estimate, files: list[str], step: int | None = 1) -> str:
     sections = (
         parameters(estimate),
         _calibration(estimate),
-        _maps(estimate),
+        maps_section(estimate, previews=step is not None),
         _fit(estimate),
         _holdout(estimate, files),
         candidates(estimate),
@@ -69,7 +69,7 @@ def document(title: str, sections: Sequence[str]) -> str:
     title = escape(f"matest: {title}")
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
-        f'<meta name="viewport" content="width=device-width"><style>{_STYLE}</style></head><body>'
+        f'<meta name="viewport" content="width=device-width"><style>{_STYLE}{style()}</style></head><body>'
         + "\n".join(section for section in sections if section)
         + "</body></html>\n"
     )
@@ -124,8 +124,8 @@ def _holdout(estimate: Estimate, files: list[str]) -> str:
     if not estimate.holdout:
         return ""
     images = ", ".join(f"{number} ({escape(files[number])})" for number in estimate.holdout["images"])
-    error = share(estimate.holdout["relative_rmse"])
-    return f"<p>Held out of the fit, image {images}: relative rms error {error}.</p>"
+    error, median = (share(estimate.holdout[kind]) for kind in ("relative_rmse", "median_error"))
+    return f"<p>Held out of the fit, image {images}: relative rms error {error}, median error of a pixel {median}.</p>"
 
 
 def candidates(estimate: Estimate) -> str:
@@ -143,27 +143,10 @@ def _photographs(estimate: Estimate) -> str:
     if not estimate.images:
         return ""
     head, body, odd = photographs.photograph_table(estimate.images)
-    legend = f"{photographs.not_shown(estimate.images)}{photographs.LEGEND} {photographs.ODD_LEGEND if odd else ''}"
+    legend = f"{photographs.not_shown(estimate.images)}{photographs.legend_of(estimate.images)}"
     table = html_table(head, body, "numbers", odd)
-    return f'<h2>{photographs.TITLE}</h2>\n{table}<p class="lead">{escape(legend)}</p>'
-
-
-def _maps(estimate: Estimate) -> str:
-    """Previews of maps and of their standard errors; empty where there are none."""
-    if not estimate.maps:
-        return ""
-    figures = "".join(
-        f'<figure><img src="{picture_file(name, kind)}" alt="{caption}" loading="lazy">'
-        f"<figcaption>{escape(caption)}</figcaption></figure>"
-        for name in estimate.maps
-        for kind, caption in (("", name), ("std", f"standard error of {name}, relative"))
-    )
-    known = ", ".join(f"{each.determined:.0%} of the pixels of {name}" for name, each in estimate.maps.items())
-    legend = (
-        f"Values as sRGB shows them; standard errors from 0 (dark) to {BRIGHTEST:.0%} (bright). Known to half of their "
-        f"value: {known}. The numbers are in maps/, 0 where no photograph tells them."
-    )
-    return f'<h2>Maps</h2>\n<p>{escape(legend)}</p>\n<div class="images">{figures}</div>'
+    said = f'<p class="lead">{escape(legend)}</p>' if legend else ""
+    return f"<h2>{photographs.TITLE}</h2>\n{table}{said}"
 
 
 def _residuals(estimate: Estimate, count: int, step: int | None) -> str:

@@ -10,14 +10,15 @@ from matest.report.curves import Curve, drawing, legend
 from matest.report.format import chi2, share
 from matest.report.plots import COLOURS
 
-_COLUMNS = ("photograph", "relative rms error", "χ²", "level", "turn of its light")
+_COLUMNS = ("photograph", "relative rms error", "χ²")
+_LIGHT_COLUMNS = ("level", "turn of its light")
 _ODD_COLUMN = "times the usual"
 TITLE = "Photographs, worst first"
-LEGEND = (
+_LEGEND = (
     "Level: the factor by which a photograph is brighter than the others say. Turn: by how much, and to where, its "
     "light would have to move to explain its residual best, if its level may be wrong too (-: no turn up to 20° does)."
 )
-ODD_LEGEND = "The last column: how many times as far off as is usual among the others."
+_ODD_LEGEND = "The last column: how many times as far off as is usual among the others."
 # Photographs in a table.
 _MAX_ROWS = 12
 # Standard errors from which on it is said where to a light turns.
@@ -34,20 +35,48 @@ def worst_first(images: Sequence[PhotographFit]) -> list[PhotographFit]:
 
 
 def photograph_table(images: Sequence[PhotographFit]) -> tuple[Sequence[str], list[tuple[str, ...]], list[int]]:
-    """Head, rows of the worst photographs, and which of these stand out; where any does, a column says by how much."""
+    """Head, rows of the worst photographs, and which of these stand out.
+
+    Where the light of any is judged, columns tell of it; where any stands out, one says by how much.
+    """
     shown = worst_first(images)[:_MAX_ROWS]
     odd = [row for row, image in enumerate(shown) if image.stands_out]
-    body = [_cells(image)[: None if odd else -1] for image in shown]
-    return (*_COLUMNS, _ODD_COLUMN) if odd else _COLUMNS, body, odd
+    head: tuple[str, ...] = _COLUMNS
+    body = [_errors(image) for image in shown]
+    if _lights_are_judged(images):
+        head = (*head, *_LIGHT_COLUMNS)
+        body = [(*cells, _level(image), _turn(image.direction)) for cells, image in zip(body, shown, strict=True)]
+    if odd:
+        head = (*head, _ODD_COLUMN)
+        body = [(*cells, _times(image)) for cells, image in zip(body, shown, strict=True)]
+    return head, body, odd
 
 
-def _cells(image: PhotographFit) -> tuple[str, ...]:
-    """A row of the table, with a cell that says how a photograph stands out."""
-    odd = f"{image.times:.0f} ({image.stands_out})" if image.stands_out else ""
-    level = "-"
-    if image.level is not None and image.level_std is not None:
-        level = f"{image.level:.3f} ± {max(image.level_std, _FINEST_LEVEL):.3f}"
-    return image.file, share(image.relative_rmse), chi2(image.reduced_chi2), level, _turn(image.direction), odd
+def legend_of(images: Sequence[PhotographFit]) -> str:
+    """What the columns of the table are that need a word."""
+    judged, odd = _lights_are_judged(images), any(image.stands_out for image in images)
+    return " ".join([_LEGEND] * judged + [_ODD_LEGEND] * odd)
+
+
+def _lights_are_judged(images: Sequence[PhotographFit]) -> bool:
+    return any(image.level is not None or image.direction is not None for image in images)
+
+
+def _errors(image: PhotographFit) -> tuple[str, ...]:
+    """The first cells of a row."""
+    return image.file, share(image.relative_rmse), chi2(image.reduced_chi2)
+
+
+def _level(image: PhotographFit) -> str:
+    """How bright a photograph is beside the others, in a cell."""
+    if image.level is None or image.level_std is None:
+        return "-"
+    return f"{image.level:.3f} ± {max(image.level_std, _FINEST_LEVEL):.3f}"
+
+
+def _times(image: PhotographFit) -> str:
+    """How a photograph stands out, in a cell."""
+    return f"{image.times:.0f} ({image.stands_out})" if image.stands_out else ""
 
 
 def not_shown(images: Sequence[PhotographFit]) -> str:

@@ -31,6 +31,7 @@ from matest.report.format import (
     rows,
     share,
     stages,
+    status_sentences,
 )
 
 _STATUS_STYLES = {
@@ -85,6 +86,7 @@ def estimate_table(estimate: Estimate) -> Group:
         *(_calibration(estimate) if estimate.nuisance else ()),
         Text(estimate.fit.message),
         Text(_errors(estimate)),
+        *(Text(sentence) for sentence in status_sentences(estimate.maps)),
         *(Text(f"Note: {warning}", style="yellow") for warning in estimate.warnings),
         Text(stages(estimate.timing_s), style="dim"),
     )
@@ -187,12 +189,13 @@ def presets_table(presets: Mapping[str, Preset]) -> Table:
 
 
 def prediction_table(errors: PredictionErrors, files: list[str]) -> Table:
-    """The error of every image, and of all together."""
-    table = plain_table("image", Column("relative rms error", justify="right"))
-    for file, error in zip(files, errors.images, strict=True):
-        table.add_row(file, share(error))
+    """The errors of every image, and of all together."""
+    columns = (Column(name, justify="right") for name in ("relative rms error", "median error of a pixel"))
+    table = plain_table("image", *columns)
+    for file, error, median in zip(files, errors.images, errors.medians, strict=True):
+        table.add_row(file, share(error), share(median))
     table.add_section()
-    table.add_row("all together", share(errors.pooled))
+    table.add_row("all together", share(errors.pooled), share(errors.pooled_median))
     return table
 
 

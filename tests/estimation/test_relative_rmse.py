@@ -119,7 +119,7 @@ def test_an_image_that_no_light_reaches_has_no_error_and_adds_nothing_to_the_oth
     assert errors.images[-1] is None
     assert errors.pooled == pytest.approx(prediction_errors(Studio(size=48).photograph(material), material).pooled)
     found = matest.estimate(capture, "oren-nayar", holdout=[len(Studio.lights)])
-    assert found.holdout == {"images": [len(Studio.lights)], "relative_rmse": None}
+    assert found.holdout == {"images": [len(Studio.lights)], "relative_rmse": None, "median_error": None}
 
 
 def test_an_image_under_the_sky_alone_has_an_error_like_any_other() -> None:

@@ -186,15 +186,15 @@ def test_a_foreign_folder_is_refused_before_anything_is_computed(tmp_path: Path,
 
 def test_a_prediction_has_linear_radiance_and_its_errors(tmp_path: Path, capture: Capture) -> None:
     material = clay().material
-    write_prediction(material, PredictionErrors([0.01, 0.02], 0.015), capture, tmp_path / "out")
+    write_prediction(material, PredictionErrors([0.01, 0.02], 0.015, [0.008, 0.01], 0.009), capture, tmp_path / "out")
     images = render(capture.scene, material).numpy()
     for number in range(2):
         np.testing.assert_allclose(read_image(tmp_path / "out" / f"{number:02d}.exr"), images[number], rtol=1e-6)
     content = json.loads((tmp_path / "out" / "prediction.json").read_text("utf-8"))
     assert content["schema"] == "matest.prediction/1"
     assert content["images"] == [
-        {"image": "00.exr", "prediction": "00.exr", "relative_rmse": 0.01},
-        {"image": "01.exr", "prediction": "01.exr", "relative_rmse": 0.02},
+        {"image": "00.exr", "prediction": "00.exr", "relative_rmse": 0.01, "median_error": 0.008},
+        {"image": "01.exr", "prediction": "01.exr", "relative_rmse": 0.02, "median_error": 0.01},
     ]
 
 
@@ -203,7 +203,9 @@ def test_the_radiance_of_a_prediction_is_full_whatever_its_pictures(tmp_path: Pa
     image = render(large.scene, clay().material).numpy()[0]
     sides = {PictureSize.PREVIEW: 250, PictureSize.FULL: 500, PictureSize.NONE: None}
     for size, side in sides.items():
-        write_prediction(clay().material, PredictionErrors([0.01], 0.01), large, tmp_path / size, pictures=size)
+        write_prediction(
+            clay().material, PredictionErrors([0.01], 0.01, [0.01], 0.01), large, tmp_path / size, pictures=size
+        )
         np.testing.assert_allclose(read_image(tmp_path / size / "00.exr"), image, rtol=1e-6)
         drawn = tmp_path / size / "images" / "00_render.png"
         assert (read_image(drawn).shape[0] if drawn.is_file() else None) == side
@@ -212,5 +214,9 @@ def test_the_radiance_of_a_prediction_is_full_whatever_its_pictures(tmp_path: Pa
 def test_a_prediction_does_not_replace_an_estimate(tmp_path: Path, capture: Capture) -> None:
     write_result(clay(), capture, tmp_path / "matest")
     before = tree(tmp_path)
-    refusal(lambda: write_prediction(clay().material, PredictionErrors([0.0, 0.0], 0.0), capture, tmp_path / "matest"))
+    refusal(
+        lambda: write_prediction(
+            clay().material, PredictionErrors([0.0, 0.0], 0.0, [0.0, 0.0], 0.0), capture, tmp_path / "matest"
+        )
+    )
     assert tree(tmp_path) == before

@@ -9,7 +9,7 @@ import torch
 from matest.estimation.photographs import PhotographFit, Turn
 from matest.estimation.residual_angles import AngularResiduals
 from matest.report.page import page
-from matest.report.photographs import angle_drawings, not_shown, photograph_table
+from matest.report.photographs import angle_drawings, legend_of, not_shown, photograph_table
 from tests.estimates import clay
 from tests.report.test_page import names, read, words
 
@@ -54,8 +54,18 @@ def test_of_long_captures_the_worst_are_listed_and_the_rest_counted() -> None:
 
 
 def test_what_is_not_known_of_a_photograph_has_a_dash() -> None:
-    (cells,) = photograph_table([replace(FINE, level=None, level_std=None, direction=None)])[1]
-    assert cells[3:] == ("-", "-")
+    unknown = replace(FINE, file="unknown.png", level=None, level_std=None, direction=None)
+    _, body, _ = photograph_table([FINE, unknown])
+    assert {cells[0]: cells[3:] for cells in body}["unknown.png"] == ("-", "-")
+
+
+def test_where_no_light_is_judged_no_column_and_no_legend_tell_of_it() -> None:
+    unknown = replace(FINE, level=None, level_std=None, direction=None)
+    head, body, _ = photograph_table([unknown, unknown])
+    assert head == ("photograph", "relative rms error", "χ²")
+    assert [len(cells) for cells in body] == [3, 3]
+    assert legend_of([unknown]) == ""
+    assert "Turn" not in words(page(clay(images=[unknown]), names(1)))
 
 
 def test_a_turn_that_may_be_chance_goes_nowhere() -> None:

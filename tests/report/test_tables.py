@@ -123,8 +123,8 @@ def test_a_capture_that_failed_says_why_in_its_line() -> None:
 
 
 def test_an_image_without_a_usable_pixel_has_no_error() -> None:
-    text = words(prediction_table(PredictionErrors([0.1, None], 0.1), ["00.png", "01.png"]))
-    assert "00.png 10.00% 01.png no usable pixel all together 10.00%" in text
+    text = words(prediction_table(PredictionErrors([0.1, None], 0.1, [0.05, None], 0.05), ["00.png", "01.png"]))
+    assert "00.png 10.00% 5.00% 01.png no usable pixel no usable pixel all together 10.00% 5.00%" in text
 
 
 def test_the_catalogue_names_every_model_and_every_preset() -> None:
