@@ -33,10 +33,16 @@ def shade(brdf: Brdf, points: Points) -> Tensor:
     Parameters of shape [..., 1 or C] belong to one point each.
 
     Raises:
-        InputError: ambient light on a model whose lobes differ from point to point.
+        InputError: ambient light on a model whose lobes differ from point to point, parameters of other points.
     """
     # Parameters per point get an axis for the lights.
     per_point = {name: value.unsqueeze(-2) for name, value in brdf.parameters.items() if value.ndim > 1}
+    for name, value in per_point.items():
+        if value.ndim == 3 and points.wo.ndim == 2 and 1 < len(value) != len(points.wo) > 1:
+            raise InputError(
+                f"'{name}' has values at {len(value):,} points and {len(points.wo):,} are shaded: give the values of "
+                "these, as material(batch) does of a Trainable with maps."
+            )
     values = brdf.replace(per_point)(points.wi, points.wo[..., None, :])
     radiance = (values * gathered_light(points)).sum(-2)
     if points.ambient is not None:
@@ -77,12 +83,8 @@ def render_image(
     device: torch.device | str = "cpu",
 ) -> Tensor:
     """One of the images of `render`, [H, W, C]."""
-    height, width = scene.surface.shape
     index = torch.arange(len(scene.surface))
-    radiance = render_pixels(scene, image, material, index, dtype=dtype, device=device)
-    flat = radiance.new_zeros(height * width, radiance.shape[-1])
-    pixels = torch.from_numpy(scene.surface.pixels).to(device, torch.int64)
-    return flat.index_copy(0, pixels, radiance).reshape(height, width, -1)
+    return scene.surface.image(render_pixels(scene, image, material, index, dtype=dtype, device=device))
 
 
 def render_pixels(

@@ -44,6 +44,12 @@ def estimate(
     regions: Annotated[
         int, typer.Option(metavar="N", help="Regions whose values pixels take that do not tell their own.")
     ] = 1,
+    smooth_maps: Annotated[
+        int,
+        typer.Option(
+            metavar="RADIUS", help="Radius in pixels of a filter of the map; written beside it.", show_default=False
+        ),
+    ] = 0,
     seed: arguments.Seed = 0,
     device: Annotated[str, typer.Option(help="Where to compute: cpu, cuda.")] = "cpu",
     pictures: arguments.Pictures = PictureSize.PREVIEW,
@@ -64,6 +70,7 @@ def estimate(
         holdout=arguments.indices(holdout), precision=precision, seed=seed, device=device,
         uncertainty=arguments.uncertainty(uncertainty), refine=() if refine is None else refine, maps=maps,
         regions=regions,
+        smooth_maps=smooth_maps,
     )  # fmt: skip
     check_options(options)
     jobs = batch.jobs(captures, out, options, " ".join(["matest", *sys.argv[1:]]), pictures)

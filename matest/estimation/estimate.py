@@ -48,6 +48,7 @@ def estimate(
     refine: str | Sequence[str] = (),
     maps: str | Sequence[str] = (),
     regions: int = 1,
+    smooth_maps: int = 0,
     progress: Progress = silent,
 ) -> Estimate:
     """The material of a capture with its error bars.
@@ -69,6 +70,7 @@ def estimate(
             "direction,pose"; "all": every family; "auto": those that explain what the fit without them leaves.
         maps: parameters with a value at every pixel, as ["albedo", "sigma"] or "albedo,sigma"; "albedo" is the body's.
         regions: number of regions, found from the maps, whose values pixels take that do not tell their own.
+        smooth_maps: radius in pixels by which `Estimate.smooth_maps` are smoothed between edges; 0: there are none.
         progress: called with a word on what is being done.
 
     Raises:
@@ -83,7 +85,7 @@ def estimate(
     options = Options(
         model=model, fix=fix or {}, free=free, tie=tie or {}, holdout=holdout, precision=precision, seed=seed,
         device=device, uncertainty=as_uncertainty(uncertainty), refine=refine,
-        maps=maps, regions=regions,
+        maps=maps, regions=regions, smooth_maps=smooth_maps,
     )  # fmt: skip
     return estimate_with(capture, options, progress)
 
@@ -148,6 +150,7 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         residual_scale=solution.residual_scale,
         residuals=outcome.residuals,
         maps=outcome.maps,
+        smooth_maps=outcome.smooth_maps,
         warnings=warnings(context),
     )
 

@@ -16,6 +16,8 @@ AUTO = "auto"
 # The same with every slope distribution tried, whether or not another one meets the images.
 AUTO_ANY_DISTRIBUTION = "auto(distribution=any)"
 
+# Largest radius of a filter, pixels: time grows with its square.
+_WIDEST = 20
 # Similarity to that name from which on a word is a slip for it: two letters exchanged have 0.75.
 _SLIP = 0.75
 
@@ -40,6 +42,7 @@ class Options:
             separate; becomes a tuple, "all" every family.
         maps: parameters with a value at every pixel; "albedo" is the body's, whatever the model calls it.
         regions: number of regions, found from the maps, whose values pixels take that do not tell their own.
+        smooth_maps: radius in pixels by which maps are smoothed too, beside the maps as they are; 0: not at all.
 
     Raises:
         InputError: a precision outside 0 to 1, another choice of `auto`, a slip in that name, an unknown family.
@@ -58,6 +61,7 @@ class Options:
     refine: Sequence[str] = ()
     maps: str | Sequence[str] = ()
     regions: int = 1
+    smooth_maps: int = 0
 
     def __post_init__(self) -> None:
         with errors_of("--refine"):
@@ -71,6 +75,12 @@ class Options:
         if self.maps and (self.refine or self.precision):
             other = "--refine" if self.refine else "--precision"
             raise InputError(f"--maps and {other} do not go together: leave one of them out.")
+        if not (isinstance(self.smooth_maps, int) and 0 <= self.smooth_maps <= _WIDEST):
+            raise InputError(
+                f"--smooth-maps is a radius in whole pixels up to {_WIDEST}, such as 3; got {self.smooth_maps}."
+            )
+        if self.smooth_maps and not self.maps:
+            raise InputError("--smooth-maps smooths maps, and none is asked for: add --maps albedo.")
         if self.precision is not None and not 0 < self.precision < 1:
             raise InputError(
                 f"precision is a relative standard error, such as 0.001, between 0 and 1; got {self.precision}."

@@ -17,6 +17,7 @@ from matest.estimation.prediction import PredictionErrors, mapped_radiance, phot
 from matest.estimation.refining import refined
 from matest.estimation.remedies import Diagnosis, diagnoses, of_pixel_area
 from matest.estimation.residual_angles import AngularResiduals, residuals_by_angle
+from matest.estimation.smoothing import smoothed, smoothing_note
 from matest.estimators import Solution
 from matest.estimators.passes import radiance_model
 from matest.inference.image_errors import few_samples
@@ -41,7 +42,7 @@ class Outcome:
         errors_of: the errors on photographs of these numbers, which were left out.
         refined: families of errors of the calibration that were estimated.
         is_random: whether nothing is known that would explain residuals.
-        nuisance, diagnosis, images, residuals, maps: as in `Estimate`.
+        nuisance, diagnosis, images, residuals, maps, smooth_maps: as in `Estimate`.
         notes: sentences on what error bars do not hold.
     """
 
@@ -57,6 +58,7 @@ class Outcome:
     images: list[PhotographFit] = field(default_factory=list)
     residuals: Mapping[str, AngularResiduals] = field(default_factory=dict)
     maps: dict[str, ParameterMap] = field(default_factory=dict)
+    smooth_maps: dict[str, ParameterMap] = field(default_factory=dict)
     notes: Sequence[str] = ()
 
 
@@ -119,16 +121,26 @@ def mapped_outcome(
     stated = capture.stated_uncertainty.merged(options.uncertainty).stated
     material, residual_scale = mapped.material, mapped.solution.residual_scale
     drawn, _ = few_samples(samples, options.seed)
-    note = f"Error bars beside a map do not hold stated errors of the calibration ({', '.join(stated)})."
+    parameters = mapped.parameters(posterior.estimates)
+    radius, surface = options.smooth_maps, capture.scene.surface
+    notes = []
+    if stated:
+        notes.append(f"Error bars beside a map do not hold stated errors of the calibration ({', '.join(stated)}).")
+    smooth = {}
+    if radius:
+        chi2 = posterior.bars.chi2
+        smooth = {name: smoothed(each, surface, radius, parameters[name], chi2) for name, each in mapped.maps.items()}
+        notes.append(smoothing_note(radius))
     return Outcome(
         solution=mapped.solution,
         posterior=posterior,
         material=material,
-        parameters=mapped.parameters(posterior.estimates),
+        parameters=parameters,
         errors_of=lambda images: prediction_errors(capture, material, images),
         diagnosis=[mistake.diagnosis] if mistake else [],
         images=photograph_errors(capture, material, samples.account.images, residual_scale),
         residuals=residuals_by_angle(mapped_radiance(material, samples.texels), residual_scale, drawn),
         maps=dict(mapped.maps),
-        notes=[note] if stated else [],
+        smooth_maps=smooth,
+        notes=notes,
     )

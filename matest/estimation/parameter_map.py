@@ -75,5 +75,5 @@ def with_maps(material: Brdf, maps: Mapping[str, ParameterMap]) -> Brdf:
 
 
 def map_file(name: str, kind: str = "") -> str:
-    """The file of a map in a result folder; `kind` is "std" for its standard errors."""
+    """The file of a map in a result folder; `kind`: "std" for its standard errors, "smooth", "smooth_std"."""
     return f"maps/{name}{'_' * bool(kind)}{kind}.exr"

@@ -98,6 +98,7 @@ class Estimate:
         diagnosis: causes of residuals, the one that explains most first; empty where they are random.
         images: how well each fitted photograph is described, in their order; empty for a table.
         maps: values at every pixel, by name of the parameter; `parameters` then has their means.
+        smooth_maps: the same smoothed between edges, where that was asked for.
         skipped: what was not computed, and why: components, samples, work.
         timing_s: seconds per stage.
         holdout: images left out of the fit and the error there.
@@ -122,6 +123,7 @@ class Estimate:
     diagnosis: list[Diagnosis] = field(default_factory=list)
     images: list[PhotographFit] = field(default_factory=list)
     maps: dict[str, ParameterMap] = field(default_factory=dict)
+    smooth_maps: dict[str, ParameterMap] = field(default_factory=dict)
     skipped: dict[str, Any] = field(default_factory=dict)
     timing_s: dict[str, float] = field(default_factory=dict)
     holdout: dict[str, Any] | None = None
@@ -177,6 +179,7 @@ class Estimate:
                     "std": map_file(name, "std"),
                     "determined": each.determined,
                     "shares": {status.name.lower().replace("_", " "): each.shares[status] for status in each.shares},
+                    **{kind: map_file(name, kind) for kind in ("smooth", "smooth_std") if name in self.smooth_maps},
                 }
                 for name, each in self.maps.items()
             },

@@ -27,6 +27,7 @@ _TURN = 3.0
 def write_maps(estimate: Estimate, surface: Surface, folder: Path, *, previews: bool = True) -> None:
     """`maps/NAME.exr` and `NAME_std.exr` [H, W, C], `NAME_status.png` [H, W], and previews of the former two as PNG.
 
+    Smoothed maps are `NAME_smooth.exr` and `NAME_smooth_std.exr` beside them.
     Where no photograph shows a pixel, its value, standard error and status (`TexelStatus`) are 0. `normals.png` tells
     which pixels are the object's and from where it is seen.
     """
@@ -39,6 +40,9 @@ def write_maps(estimate: Estimate, surface: Surface, folder: Path, *, previews: 
             unit = estimate.parameters[name].unit
             write_image(folder / picture_file(name), value_picture(each, surface, unit))
             write_image(folder / picture_file(name, "std"), std_picture(each, surface))
+    for name, each in estimate.smooth_maps.items():
+        for kind, part in (("smooth", each.value), ("smooth_std", each.std)):
+            write_image(folder / map_file(name, kind), surface.image(np.nan_to_num(part.float().numpy())))
     if estimate.maps:
         # As integer normal maps are: 0 to full scale for -1 to 1.
         codes = (127.5 * (surface.normals.double().numpy() + 1)).round().astype(np.uint8)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import overload
 
 import numpy as np
 import torch
@@ -86,8 +87,18 @@ class Surface:
         # At every call: it takes less than memory would, and an optimiser changes positions in place.
         return normalize(self.eye - self.positions[index], dim=-1)
 
-    def image(self, values: np.ndarray, background: float = 0.0) -> np.ndarray:
-        """Values [N, ...] of the object's pixels laid out as an image H×W×…"""
+    @overload
+    def image(self, values: np.ndarray, background: float = 0.0) -> np.ndarray: ...
+
+    @overload
+    def image(self, values: Tensor, background: float = 0.0) -> Tensor: ...
+
+    def image(self, values: np.ndarray | Tensor, background: float = 0.0) -> np.ndarray | Tensor:
+        """Values [N, ...] of the object's pixels laid out as an image H×W×…; of a tensor, differentiable."""
+        if isinstance(values, Tensor):
+            flat = values.new_full((self.shape[0] * self.shape[1], *values.shape[1:]), background)
+            pixels = torch.from_numpy(self.pixels).to(values.device, torch.int64)
+            return flat.index_copy(0, pixels, values).reshape(*self.shape, *values.shape[1:])
         image = np.full((self.shape[0] * self.shape[1], *values.shape[1:]), background, dtype=values.dtype)
         image[self.pixels] = values
         return image.reshape(*self.shape, *values.shape[1:])
