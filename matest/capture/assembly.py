@@ -130,7 +130,7 @@ def realise(
     )
 
 
-def _saturation(description: Description, images: ImageFormat) -> float | tuple[float, ...] | None:
+def saturation(description: Description, images: ImageFormat) -> float | tuple[float, ...] | None:
     """Stored value from which on the sensor is saturated, one or one per channel; None: never.
 
     Raises:
@@ -184,7 +184,7 @@ def _encoding(
     encoding = Encoding(
         transfer="linear" if transfer is None else transfer,
         scale=1.0 if table.scale is None else table.scale,
-        saturation=_saturation(description, images),
+        saturation=saturation(description, images),
     )
 
     def frame(file: str, key: str) -> np.ndarray:
