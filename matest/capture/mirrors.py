@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +14,9 @@ from matest.capture.assembly import ImageFormat, saturation
 from matest.capture.description import Description, describe
 from matest.capture.geometry import camera_of, check_size
 from matest.errors import InputError, errors_of
+from matest.lights.mirror import Mirror
 from matest.lights.sphere import MirrorSphere
-from matest.photographs.images import full_scale, read_image, read_mask
+from matest.photographs.images import read_image, read_mask
 from matest.photographs.photometry import Encoding
 from matest.photographs.readers import READERS
 from matest.scene.camera import Camera
@@ -27,49 +28,6 @@ _PSBOX_CIRCLE = "circle_data.txt"
 # Saturation of integer images that do not state theirs, fraction of full scale.
 _SATURATION = 0.98
 Circle = tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class Mirror:
-    """Photographs of mirror spheres under one light each.
-
-    Attributes:
-        folder: that holds them.
-        files: the photographs.
-        names: of the photographs, as a light list calls them.
-        spheres: in every one of them.
-        mask: H×W, nonzero where the spheres can be seen; None: everywhere.
-        encoding: from pixels to brightness.
-        shape: height and width of every photograph in pixels.
-    """
-
-    folder: Path
-    files: tuple[Path, ...]
-    names: tuple[str, ...]
-    spheres: tuple[MirrorSphere, ...]
-    mask: np.ndarray | None
-    encoding: Encoding
-    shape: tuple[int, int]
-
-    def brightness(self, index: int) -> np.ndarray:
-        """A photograph as H×W brightness, 1 and more where every channel is saturated.
-
-        Raises:
-            InputError: it cannot be read, or has another size than the first.
-        """
-        path = self.files[index]
-        stored = read_image(path)
-        check_size(stored, self.shape, f"{path}: the photograph")
-        top = full_scale(stored.dtype)
-        level = self.encoding.saturation
-        if level is None:
-            linear = self.encoding.linear(stored.astype(np.float32))
-            brightness: np.ndarray = linear.mean(axis=2)
-            return brightness / max(float(brightness.max()), np.finfo(np.float32).tiny)
-        limits = np.asarray(level, dtype=np.float32)
-        linear = self.encoding.linear(np.minimum(stored / np.float32(top), limits))
-        shares: np.ndarray = linear / self.encoding.linear(limits)
-        return shares.mean(axis=2)
 
 
 def load_mirror(

@@ -9,8 +9,22 @@ import numpy as np
 from matest.lights.highlight import Patch
 from matest.lights.sphere import MirrorSphere
 
-# Steps of derivatives, in pixels and in standard errors of the outline.
-_PIXEL_STEP, _OUTLINE_STEP = 0.05, 1.0
+# Step of derivatives by the place of a highlight, pixels: far less than the sphere's radius.
+_STEP = 0.05
+
+
+@dataclass(frozen=True)
+class Ray:
+    """The ray by which a sphere reflects a light, or the change of one.
+
+    Attributes:
+        direction: unit vector to the light, the mean of its irradiance, in world coordinates [..., 3].
+        spot: where it leaves the sphere, in radii: from a perspective camera, or from the sphere's centre where the
+            viewer is distant [..., 3].
+    """
+
+    direction: np.ndarray
+    spot: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -18,60 +32,64 @@ class Sighting:
     """A light as one sphere shows it in one image.
 
     Attributes:
-        direction: unit vector to the light, the mean of its irradiance, in world coordinates [3].
-        spot: where the sphere reflects it, in radii from its centre [3].
-        by_place: covariance of the direction by the place of the highlight [3, 3].
-        by_outline: change of the direction with one standard error along each axis of the outline's errors [3, 3],
-            a row each: what all lights of a sphere have in common.
+        ray: that the sphere reflects.
+        by_place: changes of the ray with one standard error along each axis of the error of the highlight [2, 3].
+        by_outline: the same of the sphere's outline, which all lights of a sphere have in common [3, 3].
         place: of the highlight in the image (x, y), pixels.
         saturated: pixels of the highlight.
     """
 
-    direction: np.ndarray
-    spot: np.ndarray
-    by_place: np.ndarray
-    by_outline: np.ndarray
+    ray: Ray
+    by_place: Ray
+    by_outline: Ray
     place: tuple[float, float]
     saturated: int
 
     @property
-    def covariance(self) -> np.ndarray:
-        """Of the direction [3, 3]."""
-        return self.by_place + self.by_outline.T @ self.by_outline
+    def variance(self) -> float:
+        """Of each of two tangential angles of the direction, rad²."""
+        changes = np.concatenate([self.by_place.direction, self.by_outline.direction])
+        return float((changes**2).sum()) / 2
 
 
 def sight(patch: Patch, sphere: MirrorSphere) -> Sighting:
     """The light whose image in a sphere a patch is.
 
     Every pixel reflects one direction and covers a solid angle; the mean of the directions by brightness times solid
-    angle is that of the irradiance that arrives, whatever the mirror makes of the light's shape.
+    angle is that of the irradiance that arrives, however the sphere distorts the light's shape.
 
     Args:
         patch: of the sphere's image.
         sphere: that is seen.
     """
 
-    def direction(dx: float = 0.0, dy: float = 0.0, outline: np.ndarray | None = None) -> np.ndarray:
-        return _mean(patch, sphere, patch.x + dx, patch.y + dy, outline)[0]
+    def ray(place: np.ndarray, outline: np.ndarray = sphere.outline) -> np.ndarray:
+        return _mean_ray(patch, sphere, patch.x + place[0], patch.y + place[1], outline)
 
-    mean, spot = _mean(patch, sphere, patch.x, patch.y, None)
-    step = _PIXEL_STEP
-    moved = np.stack([direction(step) - direction(-step), direction(0, step) - direction(0, -step)]) / (2 * step)
-    variances, axes = np.linalg.eigh(sphere.covariance)
-    scales = _OUTLINE_STEP * np.sqrt(np.clip(variances, 0, None))
+    here = np.zeros(2)
+    slopes = np.stack([ray(step) - ray(-step) for step in _STEP * np.eye(2)]) / (2 * _STEP)
+    by_place = _standard_errors(patch.covariance) @ slopes
     by_outline = np.stack(
-        [
-            direction(outline=sphere.outline + scale * axis) - direction(outline=sphere.outline - scale * axis)
-            for scale, axis in zip(scales, axes.T, strict=True)
-        ]
-    ) / (2 * _OUTLINE_STEP)
-    return Sighting(mean, spot, moved.T @ patch.covariance @ moved, by_outline, patch.place, patch.saturated)
+        [ray(here, sphere.outline + step) - ray(here, sphere.outline - step) for step in _standard_errors(sphere.covariance)]
+    ) / 2  # fmt: skip
+    return Sighting(_split(ray(here)), _split(by_place), _split(by_outline), patch.place, patch.saturated)
 
 
-def _mean(
-    patch: Patch, sphere: MirrorSphere, x: np.ndarray, y: np.ndarray, outline: np.ndarray | None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Mean direction of what places (x, y) reflect [3], and mean place on the sphere [3], by the patch's weights."""
+def _standard_errors(covariance: np.ndarray) -> np.ndarray:
+    """One standard error along each axis of a covariance [n, n], a row each."""
+    variances, axes = np.linalg.eigh(covariance)
+    errors: np.ndarray = np.sqrt(np.clip(variances, 0, None))[:, None] * axes.T
+    return errors
+
+
+def _split(numbers: np.ndarray) -> Ray:
+    return Ray(numbers[..., :3], numbers[..., 3:])
+
+
+def _mean_ray(
+    patch: Patch, sphere: MirrorSphere, x: np.ndarray, y: np.ndarray, outline: np.ndarray
+) -> np.ndarray:
+    """Mean direction of what places (x, y) reflect, and mean place on the sphere, by the patch's weights [6]."""
     reflection = sphere.reflect(x, y, outline)
 
     def across(dx: float, dy: float) -> np.ndarray:
@@ -81,4 +99,7 @@ def _mean(
     solid_angles = np.linalg.norm(np.cross(across(1, 0), across(0, 1)), axis=1)
     weights = patch.weights * solid_angles
     mean = weights @ reflection.directions
-    return mean / np.linalg.norm(mean), weights @ reflection.normals / weights.sum()
+    spot = weights @ reflection.normals / weights.sum()
+    if not sphere.camera.orthographic:
+        spot = spot + sphere.centre(outline)
+    return np.concatenate([mean / np.linalg.norm(mean), spot])

@@ -35,8 +35,9 @@ _LIT = 0.2
 _STATIC = 0.5
 # Patches of an image that are remembered, those with most pixels.
 _PATCHES = 8
-# Standard error of the weight of a pixel at the edge of a saturated patch whose neighbour is dark: even in 0 to 1.
-_STEP_STD = 1 / np.sqrt(12)
+# Standard error of the weight of a pixel at the edge of a saturated patch whose neighbour is dark: that of an even
+# distribution from 0 to 1, and as much again in variance, since neighbours along an edge err alike.
+_STEP_STD = np.sqrt(2 / 12)
 
 
 @dataclass(frozen=True)
