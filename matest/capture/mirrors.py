@@ -97,9 +97,7 @@ def _described(
     return Mirror(description.folder, files, description.names, spheres, mask, encoding, images.shape)
 
 
-def _plain(
-    folder: Path, circles: Sequence[Circle], transfer: str | float | None, fov_y: float | None
-) -> Mirror:
+def _plain(folder: Path, circles: Sequence[Circle], transfer: str | float | None, fov_y: float | None) -> Mirror:
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; give one with photographs of a mirror sphere.")
     psbox = folder / _PSBOX_CIRCLE

@@ -69,9 +69,8 @@ def sight(patch: Patch, sphere: MirrorSphere) -> Sighting:
     here = np.zeros(2)
     slopes = np.stack([ray(step) - ray(-step) for step in _STEP * np.eye(2)]) / (2 * _STEP)
     by_place = _standard_errors(patch.covariance) @ slopes
-    by_outline = np.stack(
-        [ray(here, sphere.outline + step) - ray(here, sphere.outline - step) for step in _standard_errors(sphere.covariance)]
-    ) / 2  # fmt: skip
+    steps = _standard_errors(sphere.covariance)
+    by_outline = np.stack([ray(here, sphere.outline + step) - ray(here, sphere.outline - step) for step in steps]) / 2
     return Sighting(_split(ray(here)), _split(by_place), _split(by_outline), patch.place, patch.saturated)
 
 
@@ -86,9 +85,7 @@ def _split(numbers: np.ndarray) -> Ray:
     return Ray(numbers[..., :3], numbers[..., 3:])
 
 
-def _mean_ray(
-    patch: Patch, sphere: MirrorSphere, x: np.ndarray, y: np.ndarray, outline: np.ndarray
-) -> np.ndarray:
+def _mean_ray(patch: Patch, sphere: MirrorSphere, x: np.ndarray, y: np.ndarray, outline: np.ndarray) -> np.ndarray:
     """Mean direction of what places (x, y) reflect, and mean place on the sphere, by the patch's weights [6]."""
     reflection = sphere.reflect(x, y, outline)
 

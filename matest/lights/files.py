@@ -17,7 +17,9 @@ _DECIMALS = 6
 
 def write_light_list(lights: Lights, file: Path) -> None:
     """Write an RTI light list: the count, then name and direction of each."""
-    rows = [f"{light.name} {' '.join(f'{number:.{_DECIMALS}f}' for number in light.direction)}" for light in lights.lights]
+    rows = [
+        f"{light.name} {' '.join(f'{number:.{_DECIMALS}f}' for number in light.direction)}" for light in lights.lights
+    ]
     file.write_text("\n".join([str(len(rows)), *rows]) + "\n", "utf-8")
 
 

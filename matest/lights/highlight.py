@@ -12,7 +12,7 @@ from matest.lights.sphere import MirrorSphere
 
 # Share of the way from the sphere's median to the brightest place from which on a pixel belongs to a bright patch.
 _PATCH = 0.5
-# Share of the brightest place that some pixel of the light reaches. What is dimmer is something that the light shines on.
+# Share of the brightest place that some pixel of the light reaches. What is dimmer is something that it shines on.
 _BRIGHT = 0.9
 # Share of the way from the median to the brightest place from which on a pixel has weight: lower ones are streaks and
 # flare, higher ones would leave out the soft edge that places the light between pixels.
@@ -212,9 +212,7 @@ def _patch(
     from scipy import ndimage
 
     margin = _MARGIN
-    box = tuple(
-        slice(max(int(index.min()) - margin, 0), int(index.max()) + margin + 1) for index in np.nonzero(pixels)
-    )
+    box = tuple(slice(max(int(index.min()) - margin, 0), int(index.max()) + margin + 1) for index in np.nonzero(pixels))
     core = _core(pixels[box])
     near = ndimage.distance_transform_edt(~core) <= margin
     heights = np.where(near, height[box], 0.0)

@@ -79,9 +79,7 @@ class Lights:
         return {"direction": float(direction), "rotation": float(np.sqrt((rotations**2).sum() / 2))}
 
 
-def find_lights(
-    mirrors: Sequence[Mirror], placement: Placement | None = None, progress: Progress = silent
-) -> Lights:
+def find_lights(mirrors: Sequence[Mirror], placement: Placement | None = None, progress: Progress = silent) -> Lights:
     """The lights that mirror spheres show.
 
     Args:
@@ -119,9 +117,7 @@ def _light(name: str, sightings: Sequence[Sighting], excess: float, position: Po
     mean /= np.linalg.norm(mean)
     changes = [weight * one.by_place.direction for weight, one in zip(weights, sightings, strict=True)]
     own = sum(change.T @ change for change in changes) + excess**2 / len(sightings) * (np.eye(3) - np.outer(mean, mean))
-    common = np.concatenate(
-        [weight * one.by_outline.direction for weight, one in zip(weights, sightings, strict=True)]
-    )
+    common = np.concatenate([weight * one.by_outline.direction for weight, one in zip(weights, sightings, strict=True)])
     return Light(name, mean, own, common, tuple(sightings), _apart(directions), position)
 
 
@@ -151,8 +147,8 @@ def _notes(lights: Sequence[Light], excess: float, placement: Placement | None) 
         stated = np.sqrt(np.mean([one.variance for light in lights for one in light.sightings]))
         if excess > (_DISAGREE**2 - 1) ** 0.5 * stated:
             notes.append(
-                f"the spheres see the lights {np.degrees(np.median(apart)):.2g}° apart (median), more than their errors "
-                "say; error bars include it. If the lights are near, --radius gives their positions."
+                f"the spheres see the lights {np.degrees(np.median(apart)):.2g}° apart (median), more than their "
+                "errors say; error bars include it. If the lights are near, --radius gives their positions."
             )
     lost = [light.name for light in lights if placement is not None and light.position is None]
     if lost:

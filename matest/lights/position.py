@@ -70,9 +70,7 @@ class Position:
         return np.sqrt(np.diagonal(self.covariance))
 
 
-def intersect(
-    sightings: Sequence[Sighting], spheres: Sequence[MirrorSphere], placement: Placement
-) -> Position | None:
+def intersect(sightings: Sequence[Sighting], spheres: Sequence[MirrorSphere], placement: Placement) -> Position | None:
     """Where the rays to a light meet, with its errors; None where they do not, or only far away.
 
     The nearest point to all rays, each weighted by its error at the light.
