@@ -11,16 +11,18 @@ from matest.errors import InputError
 from matest.lights.sphere import MirrorSphere
 
 # Share of the way from the sphere's median to the brightest place from which on a pixel belongs to a bright patch.
-_PATCH = 0.5
+_PATCH = 0.75
 # Share of the brightest place that some pixel of the light reaches. What is dimmer is something that it shines on.
 _BRIGHT = 0.9
-# Share of the way from the median to the brightest place from which on a pixel has weight: lower ones are streaks and
-# flare, higher ones would leave out the soft edge that places the light between pixels.
+# Share of the way from what is around a patch to the brightest place from which on a pixel has weight: lower ones are
+# streaks and flare, higher ones would leave out the soft edge that places the light between pixels.
 _FOOT = 0.1
-# The same of a second centroid. How far it is from the first shows how uneven the edge is.
+# The same of a second centroid. How far it is from the first shows how uneven the edge is, and what is around.
 _HIGHER_FOOT = 0.25
 # How far beyond its core a patch has weight, pixels: as far as the soft edges of sharp photographs reach.
 _MARGIN = 3
+# Percentiles of what is around a patch: its level is the median, and the others are how uneven it is.
+_AROUND = (10, 50, 90)
 # What is narrower than this share of a patch's widest place is a streak and no part of its core.
 _STREAK = 0.8
 # Radius of the widest place from which on streaks are told from the rest, pixels.
@@ -78,7 +80,7 @@ class Candidates:
     """The patches of one image that may be its light.
 
     Attributes:
-        peak: brightest value on the sphere, as a fraction of saturation.
+        peak: brightest value on the sphere.
         patches: those with most pixels, largest first; none where no place stands out.
     """
 
@@ -86,13 +88,16 @@ class Candidates:
     patches: tuple[Patch, ...]
 
 
-def candidates(image: np.ndarray, sphere: MirrorSphere, mask: np.ndarray | None = None) -> Candidates:
+def candidates(
+    image: np.ndarray, sphere: MirrorSphere, mask: np.ndarray | None = None, saturation: float = 1.0
+) -> Candidates:
     """The bright patches of a sphere.
 
     Args:
-        image: H×W brightness, 1 and more where the sensor is saturated.
+        image: H×W brightness, which saturation bounds.
         sphere: in that image.
         mask: H×W, nonzero where the sphere can be seen; None: everywhere inside its outline.
+        saturation: brightness where the sensor is saturated; infinite where it never is.
     """
     from scipy import ndimage
 
@@ -102,22 +107,28 @@ def candidates(image: np.ndarray, sphere: MirrorSphere, mask: np.ndarray | None 
     seen = inside if mask is None else inside & (mask[rows, columns] > 0)
     if not seen.any():
         return Candidates(0.0, ())
-    values = np.minimum(image[rows, columns], 1.0)
+    values = image[rows, columns]
     peak, median = float(values[seen].max()), float(np.median(values[seen]))
     if not peak > median:
         return Candidates(peak, ())
     # Fractions of the way from the median to the brightest place.
     height = np.where(seen, (values - median) / (peak - median), 0.0)
-    labels, count = ndimage.label(height >= _PATCH)
-    sizes = ndimage.sum_labels(np.ones_like(height), labels, range(1, count + 1))
-    highest = ndimage.maximum(height, labels, range(1, count + 1))
-    usable = (np.asarray(highest) * (peak - median) + median >= _BRIGHT * peak) & (sizes <= _LARGEST * seen.sum())
-    order = [k for k in np.argsort(-sizes, kind="stable") if usable[k]][:_PATCHES]
+    labels, _ = ndimage.label(height >= _PATCH)
+    sizes = np.bincount(labels.ravel())[1:]
     noise = _noise(values, seen) / (peak - median)
-    saturated = seen & (values >= 1.0)
+    saturated = seen & (values >= saturation)
     rim = ~ndimage.binary_erosion(inside, border_value=0)
-    corner = (columns.start, rows.start)
-    patches = (_patch(labels == k + 1, height, saturated, rim, noise, corner) for k in order)
+    boxes, patches = ndimage.find_objects(labels), []
+    for k in np.argsort(-sizes, kind="stable"):
+        pixels = labels[boxes[k]] == k + 1
+        bright = values[boxes[k]][pixels].max() >= _BRIGHT * peak
+        if not bright or sizes[k] > _LARGEST * np.count_nonzero(seen):
+            continue
+        box = tuple(slice(max(side.start - 2 * _MARGIN, 0), side.stop + 2 * _MARGIN) for side in boxes[k])
+        corner = (columns.start + box[1].start, rows.start + box[0].start)
+        patches.append(_patch(labels[box] == k + 1, height[box], saturated[box], rim[box], noise, corner))
+        if len(patches) == _PATCHES:
+            break
     return Candidates(peak, tuple(patches))
 
 
@@ -200,7 +211,7 @@ def _patch(
     noise: float,
     corner: tuple[int, int],
 ) -> Patch:
-    """The patch of some pixels of a window, and what is around them.
+    """The patch of some pixels of a window that reaches a little farther than they do.
 
     Args:
         pixels: of the patch, boolean.
@@ -211,29 +222,30 @@ def _patch(
     """
     from scipy import ndimage
 
-    margin = _MARGIN
-    box = tuple(slice(max(int(index.min()) - margin, 0), int(index.max()) + margin + 1) for index in np.nonzero(pixels))
-    core = _core(pixels[box])
-    near = ndimage.distance_transform_edt(~core) <= margin
-    heights = np.where(near, height[box], 0.0)
-    weights = _weights(heights, _FOOT)
+    core = _core(pixels)
+    distance = ndimage.distance_transform_edt(~core)
+    near = distance <= _MARGIN
+    around = (distance > _MARGIN) & (distance <= 2 * _MARGIN) & ~pixels
+    levels = np.clip(np.percentile(height[around], _AROUND), 0, _PATCH) if around.any() else np.zeros(3)
+    low, level, high = levels.tolist()
+    weights = np.where(near, _weights(height, level, _FOOT), 0.0)
     rows, columns = np.nonzero(near)
-    x, y = columns + box[1].start + corner[0] + 0.5, rows + box[0].start + corner[1] + 0.5
-    places, chosen = np.stack([x, y]), weights[near]
-    centroid = places @ chosen / chosen.sum()
-    errors = noise**2 / (1 - _FOOT) ** 2 * (weights > 0) + _edge_variance(weights)
-    offsets = (places - centroid[:, None]) / chosen.sum()
-    covariance = (errors[near] * offsets) @ offsets.T
-    higher = _weights(heights, _HIGHER_FOOT)[near]
-    drift = places @ higher / higher.sum() - centroid
+    places = np.stack([columns + corner[0] + 0.5, rows + corner[1] + 0.5])
+
+    def centroid(weights: np.ndarray) -> np.ndarray:
+        return np.asarray(places @ weights / weights.sum())
+
+    offsets = (places - centroid(weights[near])[:, None]) / weights.sum()
+    errors = (noise / (1 - level) / (1 - _FOOT)) ** 2 * (weights > 0) + _edge_variance(weights)
+    drift = centroid(_weights(height[near], high, _HIGHER_FOOT)) - centroid(_weights(height[near], low, _FOOT))
     return Patch(
-        x=x,
-        y=y,
-        weights=chosen,
-        covariance=covariance + np.outer(drift, drift),
+        x=places[0],
+        y=places[1],
+        weights=weights[near],
+        covariance=(errors[near] * offsets) @ offsets.T + np.outer(drift, drift),
         pixels=int(core.sum()),
-        saturated=int((core & saturated[box]).sum()),
-        touches_rim=bool((core & rim[box]).any()),
+        saturated=int((core & saturated).sum()),
+        touches_rim=bool((core & rim).any()),
     )
 
 
@@ -255,9 +267,15 @@ def _core(pixels: np.ndarray) -> np.ndarray:
     return core
 
 
-def _weights(heights: np.ndarray, foot: float) -> np.ndarray:
-    """Weights of pixels: 0 up to the foot, 1 at the top, linear between them, so that no pixel counts abruptly."""
-    weights: np.ndarray = np.clip((heights - foot) / (1 - foot), 0, 1)
+def _weights(height: np.ndarray, level: float, foot: float) -> np.ndarray:
+    """Weights of pixels: 1 at the top, 0 up to a foot above the level around, linear between them.
+
+    Args:
+        height: of the pixels.
+        level: of what is around.
+        foot: as a share of the way from there to the top.
+    """
+    weights: np.ndarray = np.clip(((height - level) / (1 - level) - foot) / (1 - foot), 0, 1)
     return weights
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -66,10 +67,11 @@ class Mirror:
         Raises:
             InputError: a photograph cannot be read, or its highlight cannot be told from the rest.
         """
+        saturation = math.inf if self.encoding.saturation is None else 1.0
 
         def patches(index: int) -> list[Candidates]:
             image = self.brightness(index)
-            return [candidates(image, sphere, self.mask) for sphere in self.spheres]
+            return [candidates(image, sphere, self.mask, saturation) for sphere in self.spheres]
 
         found = []
         for count, one in enumerate(in_threads(patches, range(len(self.files))), start=1):

@@ -79,3 +79,13 @@ def test_an_error_of_the_circle_turns_the_light_by_twice_its_angle() -> None:
     found = sighting(image, MirrorSphere.from_circle(subject.circle, (120, 120), Camera()))
     turns = np.linalg.norm(found.by_outline.direction, axis=1)
     np.testing.assert_allclose(np.sort(turns), [0, 0.5 * 2 / 50, 0.5 * 2 / 50], atol=5e-4)
+
+
+def test_a_light_at_the_edge_of_a_white_patch_has_a_wider_error_bar_that_holds() -> None:
+    subject = ball(False, 200)
+    sphere = MirrorSphere.from_mask(subject.mask(), Camera())
+    light, patch = unit(0.1, 0.2, 0.9), Lamp(unit(0.1, 0.43, 0.9), math.radians(14), 0.6)
+    alone, beside = (sighting(subject.photograph([*lamps, Lamp(light, WIDTH, 0.9)]), sphere) for lamps in ([], [patch]))
+    assert beside.variance > 4 * alone.variance
+    for found in (alone, beside):
+        assert np.linalg.norm(found.ray.direction - light) < 3 * math.sqrt(2 * found.variance)

@@ -18,7 +18,7 @@ LAMP = Lamp(unit(0.3, 0.2, 0.9), math.radians(3), 30)
 
 def middle(light: Lamp) -> np.ndarray:
     """Where the ball shows a light (x, y): the normal lies halfway to the viewer."""
-    normal = np.array(unit(*(np.array(light.direction) + (0, 0, 1))))
+    normal = np.array(unit(*np.add(light.direction, (0, 0, 1))))
     return np.array([80 + 70 * normal[0], 80 - 70 * normal[1]])
 
 

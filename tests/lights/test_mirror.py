@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -50,3 +51,15 @@ def test_a_photograph_of_another_size_is_refused(tmp_path: Path) -> None:
     put_image(tmp_path / "b.png", np.zeros((160, 200), np.uint8))
     message = refusal(lambda: mirror(tmp_path, ["a.png", "b.png"]).brightness(1))
     assert message.startswith(f"{tmp_path / 'b.png'}: expected the size of a.png, 160×300; got 160×200")
+
+
+def test_radiance_that_no_sensor_clips_counts_as_it_is(tmp_path: Path) -> None:
+    """A window brighter than 1, and a lamp a hundred times as bright."""
+    window, light = Lamp(unit(-0.5, -0.4, 0.8), math.radians(10), 4.0), unit(0.4, 0.1, 0.8)
+    scaled = [Lamp(window.direction, window.half_angle, window.radiance / 400), Lamp(light, math.radians(4), 1.0)]
+    image = 400 * Ball(300, CIRCLES[0]).photograph(scaled, background=0.0)[:160]
+    np.save(tmp_path / "a.npy", image.astype(np.float32))
+    subject = mirror(tmp_path, ["a.npy"], saturation=None)
+    sighting = replace(subject, spheres=subject.spheres[:1]).sightings()[0][0]
+    assert degrees_between(sighting.ray.direction, np.array(light)) < 0.1
+    assert sighting.saturated == 0
