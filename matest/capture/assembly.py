@@ -26,7 +26,7 @@ from matest.scene.sight import Precision
 from matest.scene.surface import Surface
 
 # Saturation of integer images that do not state theirs, fraction of full scale: many cameras clip a little below it.
-_SATURATION = 0.98
+SATURATION = 0.98
 # Smallest saturation that is suggested, fraction of full scale: cameras that fill their codes clip above it.
 _LOWEST_SATURATION = 0.5
 # Wavelengths of light that a camera may have, µm: values in nm lie far above them.
@@ -138,7 +138,7 @@ def saturation(description: Description, images: ImageFormat) -> float | tuple[f
     """
     stated = description.tables.encoding.saturation
     if stated is None:
-        return _SATURATION if images.dtype.kind == "u" else None
+        return SATURATION if images.dtype.kind == "u" else None
     values = stated if isinstance(stated, list) else [stated]
     if len(values) not in (1, images.channels):
         raise InputError(

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from matest.capture import schema
-from matest.capture.assembly import ImageFormat, saturation
+from matest.capture.assembly import SATURATION, ImageFormat, saturation
 from matest.capture.description import Description, describe
 from matest.capture.geometry import camera_of, check_size
 from matest.errors import InputError, errors_of
@@ -25,8 +25,6 @@ from matest.scene.camera import Camera
 _MASK, _REFERENCE = "mask", "ref"
 # Circle of a sphere in the layout of PSBox: x from the left, y from the bottom and radius, a number a line.
 _PSBOX_CIRCLE = "circle_data.txt"
-# Saturation of integer images that do not state theirs, fraction of full scale.
-_SATURATION = 0.98
 Circle = tuple[float, float, float]
 
 
@@ -113,7 +111,7 @@ def _plain(folder: Path, circles: Sequence[Circle], transfer: str | float | None
     if not circles and psbox.is_file():
         circles = [_psbox_circle(psbox, shape[0])]
     encoding = Encoding(
-        "linear" if transfer is None else transfer, saturation=_SATURATION if first.dtype.kind == "u" else None
+        "linear" if transfer is None else transfer, saturation=SATURATION if first.dtype.kind == "u" else None
     )
     with errors_of(folder):
         spheres = _spheres(circles, mask, shape, _with_view(Camera(), fov_y))

@@ -72,7 +72,7 @@ def lights(
     import numpy as np
 
     from matest.capture.mirrors import load_mirror
-    from matest.lights.files import write_capture_tables, write_light_list
+    from matest.lights.files import check_tables, write_capture_tables, write_light_list
     from matest.lights.lights import find_lights
     from matest.lights.position import Placement
     from matest.report.lights import lights_record, lights_report
@@ -97,6 +97,7 @@ def lights(
         placement.check([sphere for mirror in mirrors for sphere in mirror.spheres])
     files = [file for mirror in mirrors for file in (*mirror.files, mirror.folder / "capture.toml")]
     keep_inputs((out, tables), files)
+    check_tables(tables)
     with progress(", ".join(map(str, captures))) as say:
         found = find_lights(mirrors, placement, say)
     with whole_files(out.absolute().parent, out.name) as folder:

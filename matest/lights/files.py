@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from matest.errors import InputError
 from matest.lights.lights import Light, Lights
 
 # Written to the file with tables for a capture.toml.
@@ -15,12 +16,25 @@ _HEADER = """\
 _DECIMALS = 6
 
 
+def check_tables(file: Path) -> None:
+    """Refuse to write tables over a file that is none of `write_capture_tables`, such as an object's capture.toml.
+
+    Raises:
+        InputError: there is another file.
+    """
+    if file.exists() and not file.read_bytes().startswith(_HEADER.encode("utf-8")):
+        raise InputError(
+            f"{file}: exists and would be overwritten by the tables of the lights; write elsewhere with -o."
+        )
+
+
 def write_light_list(lights: Lights, file: Path) -> None:
     """Write an RTI light list: the count, then name and direction of each."""
     rows = [
         f"{light.name} {' '.join(f'{number:.{_DECIMALS}f}' for number in light.direction)}" for light in lights.lights
     ]
-    file.write_text("\n".join([str(len(rows)), *rows]) + "\n", "utf-8")
+    # Names of files need not be text.
+    file.write_text("\n".join([str(len(rows)), *rows]) + "\n", "utf-8", errors="surrogateescape")
 
 
 def write_capture_tables(lights: Lights, file: Path) -> None:

@@ -197,7 +197,7 @@ def _window(sphere: MirrorSphere) -> tuple[slice, slice]:
 
 
 def _noise(values: np.ndarray, seen: np.ndarray) -> float:
-    """Standard deviation of a pixel's noise, of the differences of neighbours in the darker half of the sphere."""
+    """Standard deviation of a pixel's noise, from the median difference of neighbours on the sphere."""
     both = seen[:, 1:] & seen[:, :-1]
     differences = np.abs(np.diff(values, axis=1)[both])
     return float(np.median(differences)) / 0.6745 / np.sqrt(2) if len(differences) else 0.0

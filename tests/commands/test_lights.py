@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import shutil
+import sys
 import tomllib
 from pathlib import Path
 
@@ -129,6 +131,14 @@ def test_the_capture_file_is_not_overwritten(run: Run, chrome: Path) -> None:
     assert code == 2
     assert "would be overwritten" in err
     assert (chrome / "capture.toml").read_text() == text
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of files are bytes on Linux")
+def test_photographs_whose_names_are_no_text_are_listed(run: Run, chrome: Path, tmp_path: Path) -> None:
+    (chrome / "00.png").rename(chrome / os.fsdecode(b"\xff.png"))
+    assert run("lights", chrome, "-o", tmp_path / "out.lp")[0] == 0
+    assert b"\xff.png 0." in (tmp_path / "out.lp").read_bytes()
+    assert len(tomllib.loads((tmp_path / "out.toml").read_text("utf-8"))["image"]) == 3
 
 
 def test_a_real_mirror_sphere_gives_lights_near_the_published_ones(run: Run, tmp_path: Path) -> None:

@@ -85,7 +85,9 @@ def test_a_light_at_the_edge_of_a_white_patch_has_a_wider_error_bar_that_holds()
     subject = ball(False, 200)
     sphere = MirrorSphere.from_mask(subject.mask(), Camera())
     light, patch = unit(0.1, 0.2, 0.9), Lamp(unit(0.1, 0.43, 0.9), math.radians(14), 0.6)
-    alone, beside = (sighting(subject.photograph([*lamps, Lamp(light, WIDTH, 0.9)]), sphere) for lamps in ([], [patch]))
+    alone, beside = (
+        sighting(subject.photograph([*lamps, Lamp(light, 2 * WIDTH, 0.9)]), sphere) for lamps in ([], [patch])
+    )
     assert beside.variance > 4 * alone.variance
     for found in (alone, beside):
         assert np.linalg.norm(found.ray.direction - light) < 3 * math.sqrt(2 * found.variance)

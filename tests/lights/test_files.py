@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from matest.lights.files import write_capture_tables, write_light_list
+from matest.lights.files import check_tables, write_capture_tables, write_light_list
 from matest.lights.lights import Light, Lights
 from matest.lights.position import Position
 from matest.samples.uncertainty import Uncertainty
+from tests.captures import refusal
 
 ACROSS = np.diag([1e-4, 1e-4, 0.0])
 LIGHTS = Lights(
@@ -33,3 +34,12 @@ def test_the_tables_are_those_of_a_capture(tmp_path: Path) -> None:
     first, second = tables["image"]
     assert first == {"file": 'a "b".png', "lights": [{"direction": [0.0, 0.6, 0.8]}]}
     assert second["lights"] == [{"position": [1.0, 1.0, 1.0]}]
+
+
+def test_only_tables_of_lights_are_overwritten(tmp_path: Path) -> None:
+    check_tables(tmp_path / "new.toml")
+    write_capture_tables(LIGHTS, tmp_path / "lights.toml")
+    check_tables(tmp_path / "lights.toml")
+    (tmp_path / "capture.toml").write_text("[geometry]\n")
+    message = refusal(lambda: check_tables(tmp_path / "capture.toml"))
+    assert message.startswith(f"{tmp_path / 'capture.toml'}: exists and would be overwritten")

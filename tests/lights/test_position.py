@@ -43,7 +43,7 @@ def test_two_spheres_in_perspective_give_the_position_within_its_error() -> None
 
 
 def test_two_spheres_whose_places_are_stated_give_the_position_with_a_distant_camera() -> None:
-    """A light at (0, 0, 4): each ball, with its centre at the origin of its own image, sees it from its place."""
+    """Each ball is traced with its centre at the origin, and the light moved by where it stands."""
     light, places = np.array([0.3, 0.2, 3.0]), np.array([[-0.8, 0.0, 0.0], [0.8, 0.1, 0.0]])
     sightings, spheres = [], []
     for place in places:
