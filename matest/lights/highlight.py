@@ -23,6 +23,8 @@ _HIGHER_FOOT = 0.25
 _MARGIN = 3
 # Percentiles of what is around a patch: its level is the median, and the others are how uneven it is.
 _AROUND = (10, 50, 90)
+# Highest level around a patch that is reckoned with, so that pixels of the patch lie above the higher foot.
+_HIGHEST_LEVEL = 0.65
 # What is narrower than this share of a patch's widest place is a streak and no part of its core.
 _STREAK = 0.8
 # Radius of the widest place from which on streaks are told from the rest, pixels.
@@ -226,7 +228,7 @@ def _patch(
     distance = ndimage.distance_transform_edt(~core)
     near = distance <= _MARGIN
     around = (distance > _MARGIN) & (distance <= 2 * _MARGIN) & ~pixels
-    levels = np.clip(np.percentile(height[around], _AROUND), 0, _PATCH) if around.any() else np.zeros(3)
+    levels = np.clip(np.percentile(height[around], _AROUND), 0, _HIGHEST_LEVEL) if around.any() else np.zeros(3)
     low, level, high = levels.tolist()
     weights = np.where(near, _weights(height, level, _FOOT), 0.0)
     rows, columns = np.nonzero(near)

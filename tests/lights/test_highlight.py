@@ -85,3 +85,11 @@ def test_an_image_without_one_whole_highlight_is_refused(lamps: list[Lamp], word
     images = [BALL.photograph([LAMP]), BALL.photograph(lamps)]
     message = refusal(lambda: choose([candidates(image, SPHERE) for image in images], ["a.png", "b.png"]))
     assert message.startswith(words)
+
+
+def test_a_matte_ball_has_patches_with_finite_places_at_most() -> None:
+    """Noise on a bright ball makes peaks that hardly stand out of what is around."""
+    image = BALL.photograph([], background=0.5, noise=0.1)
+    for patch in candidates(image, SPHERE).patches:
+        assert np.isfinite(patch.place).all()
+        assert np.isfinite(patch.covariance).all()
