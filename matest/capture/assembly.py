@@ -26,7 +26,7 @@ from matest.scene.sight import Precision
 from matest.scene.surface import Surface
 
 # Saturation of integer images that do not state theirs, fraction of full scale: many cameras clip a little below it.
-_SATURATION = 0.98
+SATURATION = 0.98
 # Smallest saturation that is suggested, fraction of full scale: cameras that fill their codes clip above it.
 _LOWEST_SATURATION = 0.5
 # Wavelengths of light that a camera may have, µm: values in nm lie far above them.
@@ -130,7 +130,7 @@ def realise(
     )
 
 
-def _saturation(description: Description, images: ImageFormat) -> float | tuple[float, ...] | None:
+def saturation(description: Description, images: ImageFormat) -> float | tuple[float, ...] | None:
     """Stored value from which on the sensor is saturated, one or one per channel; None: never.
 
     Raises:
@@ -138,7 +138,7 @@ def _saturation(description: Description, images: ImageFormat) -> float | tuple[
     """
     stated = description.tables.encoding.saturation
     if stated is None:
-        return _SATURATION if images.dtype.kind == "u" else None
+        return SATURATION if images.dtype.kind == "u" else None
     values = stated if isinstance(stated, list) else [stated]
     if len(values) not in (1, images.channels):
         raise InputError(
@@ -184,7 +184,7 @@ def _encoding(
     encoding = Encoding(
         transfer="linear" if transfer is None else transfer,
         scale=1.0 if table.scale is None else table.scale,
-        saturation=_saturation(description, images),
+        saturation=saturation(description, images),
     )
 
     def frame(file: str, key: str) -> np.ndarray:

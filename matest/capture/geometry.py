@@ -65,7 +65,7 @@ def visible_surface(
     if tables.mask is not None:
         coverage = read_mask(description.path(tables.mask, "mask"))
         check_size(coverage, shape, f"{description.folder / tables.mask}: the mask")
-    camera = None if tables.camera is None else _camera(tables.camera, str(file), factor)
+    camera = None if tables.camera is None else camera_of(tables.camera, str(file), factor)
     return _SURFACES[kinds[0]](_View(description, shape, factor, coverage, camera, precision))
 
 
@@ -78,7 +78,7 @@ def check_size(image: np.ndarray, shape: tuple[int, int], label: str) -> None:
         )
 
 
-def _camera(table: CameraTable, label: str, factor: int) -> Camera:
+def camera_of(table: CameraTable, label: str, factor: int = 1) -> Camera:
     """The camera of images with `factor` times the resolution that its table is for.
 
     Raises:

@@ -159,6 +159,18 @@ def line(text: str) -> tuple[float, float, float, float]:
     return x0, y0, x1, y1
 
 
+def circle(text: str) -> tuple[float, float, float]:
+    """Centre and radius of a circle in an image."""
+    x, y, radius = _numbers(text, 3, "--circle takes X,Y,R in pixels, as 253.8,148.2,119.5")
+    return x, y, radius
+
+
+def centre(text: str) -> tuple[float, float, float]:
+    """A place in the world."""
+    x, y, z = _numbers(text, 3, "--centre takes X,Y,Z in world units, as 0,0.1,0.5")
+    return x, y, z
+
+
 def _numbers(text: str, count: int, expected: str) -> list[float]:
     """So many numbers separated by commas; `expected` begins the refusal of anything else."""
     try:

@@ -52,9 +52,9 @@ class Camera:
     @property
     def forward(self) -> np.ndarray:
         """Unit vector from the camera along its line of sight [3]."""
-        return -self._axes()[2]
+        return -self.axes()[2]
 
-    def _axes(self) -> np.ndarray:
+    def axes(self) -> np.ndarray:
         """Rows: right, up, backward (toward the viewer) in world coordinates."""
         backward = np.subtract(self.position, self.target, dtype=float)
         backward /= np.linalg.norm(backward)
@@ -73,7 +73,7 @@ class Camera:
 
     def through(self, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Origins and unit directions of the rays through places on the plane of the image, as `plane` gives them."""
-        axes = self._axes()
+        axes = self.axes()
         offsets, backward = np.stack([u, v], axis=1) @ axes[:2], axes[2]
         if self.orthographic:
             origins = np.asarray(self.position, dtype=float) + offsets
@@ -88,7 +88,10 @@ class Camera:
         World units from the axis of an orthographic camera, at unit depth before a perspective one.
         """
         rows = pixels // shape[1]
-        x, y = pixels - rows * shape[1] + 0.5, rows + 0.5
+        return self.plane_at(shape, pixels - rows * shape[1] + 0.5, rows + 0.5)
+
+    def plane_at(self, shape: tuple[int, int], x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """`plane` at any places of the image, in pixels from its left and upper edge [N] each."""
         if self.orthographic:
             unit = (self.height or 1.0) / shape[0]
             return (x - shape[1] / 2) * unit, (shape[0] / 2 - y) * unit
@@ -97,7 +100,7 @@ class Camera:
 
     def coordinates(self, points: np.ndarray) -> np.ndarray:
         """Points of the world [..., 3] to the right, up, and along the line of sight, from the camera's position."""
-        right, up, backward = self._axes()
+        right, up, backward = self.axes()
         return np.subtract(points, self.position) @ np.stack([right, up, -backward], axis=1)
 
     def pixel_matrix(self, shape: tuple[int, int]) -> np.ndarray:

@@ -33,6 +33,24 @@ class Circle:
 def fit_circle(mask: np.ndarray) -> Circle:
     """The circle that a mask's edge follows, with standard errors.
 
+    Args:
+        mask: H×W, any numeric type; nonzero = object.
+
+    Raises:
+        InputError: the edge is not a circle to 3 % of its radius.
+    """
+    edge = edge_points(mask)
+    x, y, radius = _circle_through(edge)
+    offsets = edge - (x, y)
+    distances = np.linalg.norm(offsets, axis=1)
+    jacobian = np.column_stack([offsets / distances[:, None], np.ones(len(offsets))])
+    variances = np.diagonal(jackknife(jacobian, distances - radius))
+    return Circle((x, y), radius, float(np.sqrt(variances[:2].mean())), float(np.sqrt(variances[2])))
+
+
+def edge_points(mask: np.ndarray) -> np.ndarray:
+    """Points (x, y) in pixels along the longest edge of a mask [n, 2].
+
     The edge is the half-level contour of the mask (anti-aliased masks give sub-pixel positions); points on the border
     of the image, where a cropped sphere has no edge, do not count.
 
@@ -40,9 +58,9 @@ def fit_circle(mask: np.ndarray) -> Circle:
         mask: H×W, any numeric type; nonzero = object.
 
     Raises:
-        InputError: the edge is not a circle to 3 % of its radius.
+        InputError: there is no edge.
     """
-    from skimage.measure import CircleModel, find_contours
+    from skimage.measure import find_contours
 
     level = mask.astype(np.float64) / mask.max()
     contours = find_contours(np.pad(level, 1), 0.5)
@@ -52,10 +70,20 @@ def fit_circle(mask: np.ndarray) -> Circle:
     edge = max(contours, key=len) - 1 + 0.5
     height, width = mask.shape
     inner = (edge[:, 0] > 1) & (edge[:, 0] < height - 1) & (edge[:, 1] > 1) & (edge[:, 1] < width - 1)
-    circle = CircleModel.from_estimate(edge[inner][:, ::-1]) if inner.sum() >= 8 else None
+    return edge[inner][:, ::-1]
+
+
+def _circle_through(edge: np.ndarray) -> tuple[float, float, float]:
+    """Centre (x, y) and radius of the best circle through points [n, 2].
+
+    Raises:
+        InputError: too few points, or they stray by 3 % of its radius.
+    """
+    from skimage.measure import CircleModel
+
+    circle = CircleModel.from_estimate(edge) if len(edge) >= 8 else None
     if not circle:
         raise InputError("no circle could be fitted to the mask's edge: give centre and radius in [geometry].")
-    edge = edge[inner][:, ::-1]
     radius = float(circle.radius)
     spread = float(np.sqrt(np.mean(circle.residuals(edge) ** 2)))
     if spread > 0.03 * radius:
@@ -64,26 +92,23 @@ def fit_circle(mask: np.ndarray) -> Circle:
             f"{radius:.1f}; a sphere's mask, or centre and radius in [geometry], is needed."
         )
     x, y = (float(value) for value in circle.center)
-    variances = _variances(edge - (x, y), radius)
-    return Circle((x, y), radius, float(np.sqrt(variances[:2].mean())), float(np.sqrt(variances[2])))
+    return x, y, radius
 
 
-def _variances(offsets: np.ndarray, radius: float) -> np.ndarray:
-    """Variances [3] of centre and radius of a circle through points, by leaving out one arc after the other.
+def jackknife(jacobian: np.ndarray, misfit: np.ndarray) -> np.ndarray:
+    """Covariance [p, p] of what was fitted to the points of an edge, by leaving out one arc after the other.
 
     An arc is a run of neighbouring points, whose errors may be correlated: the jackknife of groups (Efron 1982, ch. 3),
     with one Gauss-Newton step for each.
 
     Args:
-        offsets: points from the centre [n, 2], in their order along the edge.
-        radius: of the circle.
+        jacobian: derivatives of the model at every point [n, p], in the order of the points along the edge.
+        misfit: of every point to the model [n].
     """
-    distances = np.linalg.norm(offsets, axis=1)
-    jacobian = np.column_stack([offsets / distances[:, None], np.ones(len(offsets))])
-    misfit = distances - radius
-    arcs = np.array_split(np.arange(len(offsets)), min(_ARCS, len(offsets) // 2))
+    arcs = np.array_split(np.arange(len(misfit)), min(_ARCS, len(misfit) // 2))
     normal = np.stack([jacobian[arc].T @ jacobian[arc] for arc in arcs])
     right = np.stack([jacobian[arc].T @ misfit[arc] for arc in arcs])
     steps = np.linalg.solve(normal.sum(0) - normal, (right.sum(0) - right)[..., None])[..., 0]
-    variances: np.ndarray = (len(arcs) - 1) * steps.var(axis=0)
-    return variances
+    deviations = steps - steps.mean(axis=0)
+    covariance: np.ndarray = (len(arcs) - 1) / len(arcs) * deviations.T @ deviations
+    return covariance

@@ -1,0 +1,169 @@
+"""Folders with photographs of mirror spheres, which need no lights, and often have no capture.toml."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from matest.capture import schema
+from matest.capture.assembly import SATURATION, ImageFormat, saturation
+from matest.capture.description import Description, describe
+from matest.capture.geometry import camera_of, check_size
+from matest.errors import InputError, errors_of
+from matest.lights.mirror import Mirror
+from matest.lights.sphere import MirrorSphere
+from matest.photographs.images import read_image, read_mask
+from matest.photographs.photometry import Encoding
+from matest.photographs.readers import READERS
+from matest.scene.camera import Camera
+
+# Stems of files beside the photographs that are none of them.
+_MASK, _REFERENCE = "mask", "ref"
+# Circle of a sphere in the layout of PSBox: x from the left, y from the bottom and radius, a number a line.
+_PSBOX_CIRCLE = "circle_data.txt"
+Circle = tuple[float, float, float]
+
+
+def load_mirror(
+    path: str | Path,
+    circles: Sequence[Circle] = (),
+    *,
+    transfer: str | float | None = None,
+    fov_y: float | None = None,
+) -> Mirror:
+    """Read a folder with photographs of mirror spheres.
+
+    It has a capture.toml, whose images need no lights, or images (in the order of their names) beside a mask, a circle
+    in PSBox's `circle_data.txt`, or neither where `circles` are given.
+
+    Args:
+        path: the folder, or its capture.toml.
+        circles: x, y and radius of the spheres in pixels; none: those of the files.
+        transfer: overrides `encoding.transfer`; images that state none count as linear.
+        fov_y: vertical field of view of a perspective camera, rad; overrides that of the capture.
+
+    Raises:
+        InputError: no images, no circle, or files that cannot be used, in one sentence.
+    """
+    path = Path(path)
+    if (path / "capture.toml").is_file() or path.is_file():
+        mirror = _described(describe(path, schema.CaptureFile), circles, transfer, fov_y)
+    else:
+        mirror = _plain(path, circles, transfer, fov_y)
+    for x, y, radius in (sphere.circle for sphere in mirror.spheres):
+        height, width = mirror.shape
+        inside = 0 < radius < 10 * max(height, width) and 0 < x < width and 0 < y < height
+        if not inside:
+            raise InputError(
+                f"{path}: the circle {x:g},{y:g},{radius:g} (x, y and radius in pixels) has its centre outside the "
+                f"{width}×{height} images; correct it."
+            )
+    return mirror
+
+
+def _described(
+    description: Description[schema.CaptureFile],
+    circles: Sequence[Circle],
+    transfer: str | float | None,
+    fov_y: float | None,
+) -> Mirror:
+    tables, file = description.tables, description.file
+    unnamed = [number for number, table in enumerate(tables.image) if table.file is None]
+    if unnamed:
+        raise InputError(f"{file}: image {unnamed[0]} has no file; name one for every [[image]].")
+    files = tuple(
+        description.path(table.file or "", f"image {number}: file") for number, table in enumerate(tables.image)
+    )
+    first = read_image(files[0])
+    images = ImageFormat.of(first)
+    mask = None
+    if tables.mask is not None:
+        mask = read_mask(description.path(tables.mask, "mask"))
+        check_size(mask, images.shape, f"{description.folder / tables.mask}: the mask")
+    camera = Camera() if tables.camera is None else camera_of(tables.camera, str(file))
+    geometry = tables.geometry
+    if not circles and geometry.centre is not None and geometry.radius is not None:
+        circles = [(*geometry.centre, geometry.radius)]
+    transfer = transfer if transfer is not None else tables.encoding.transfer
+    encoding = Encoding("linear" if transfer is None else transfer, saturation=saturation(description, images))
+    with errors_of(file):
+        spheres = _spheres(circles, mask, images.shape, _with_view(camera, fov_y))
+    return Mirror(description.folder, files, description.names, spheres, mask, encoding, images.shape)
+
+
+def _plain(folder: Path, circles: Sequence[Circle], transfer: str | float | None, fov_y: float | None) -> Mirror:
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder; give one with photographs of a mirror sphere.")
+    psbox = folder / _PSBOX_CIRCLE
+    files = tuple(_photographs(folder, _REFERENCE if psbox.is_file() else None))
+    if not files:
+        raise InputError(f"{folder}: no photographs; put images of a mirror sphere there, one for each light.")
+    first = read_image(files[0])
+    shape = (first.shape[0], first.shape[1])
+    masks = [file for file in sorted(folder.iterdir()) if file.stem.lower() == _MASK and _is_image(file)]
+    mask = read_mask(masks[0]) if masks else None
+    if mask is not None:
+        check_size(mask, shape, f"{masks[0]}: the mask")
+    if not circles and psbox.is_file():
+        circles = [_psbox_circle(psbox, shape[0])]
+    encoding = Encoding(
+        "linear" if transfer is None else transfer, saturation=SATURATION if first.dtype.kind == "u" else None
+    )
+    with errors_of(folder):
+        spheres = _spheres(circles, mask, shape, _with_view(Camera(), fov_y))
+    return Mirror(folder, files, tuple(file.name for file in files), spheres, mask, encoding, shape)
+
+
+def _is_image(file: Path) -> bool:
+    return file.suffix.lower() in READERS and file.is_file()
+
+
+def _photographs(folder: Path, reference: str | None) -> Iterator[Path]:
+    """Images of a folder by their names, without a mask and a photograph of another name that is no photograph."""
+    for file in sorted(folder.iterdir()):
+        if _is_image(file) and file.stem.lower() not in (_MASK, reference):
+            yield file
+
+
+def _psbox_circle(file: Path, height: int) -> Circle:
+    """The circle of a PSBox folder in pixels from the image's left and upper edge.
+
+    Raises:
+        InputError: the file does not hold three numbers.
+    """
+    try:
+        x, y, radius = (float(number) for number in file.read_text("utf-8").split())
+    except ValueError:
+        raise InputError(f"{file}: expected three numbers, x, y and radius in pixels; correct the file.") from None
+    return x, height - y, radius
+
+
+def _with_view(camera: Camera, fov_y: float | None) -> Camera:
+    """The camera with another field of view, at the origin if it was a distant one."""
+    if fov_y is None:
+        return camera
+    if not 0 < fov_y < math.pi:
+        raise InputError(f"--fov-y must lie between 0 and π rad; got {fov_y:g}.")
+    return replace(camera, height=None, fov_y=fov_y, matrix=None, distortion=())
+
+
+def _spheres(
+    circles: Sequence[Circle], mask: np.ndarray | None, shape: tuple[int, int], camera: Camera
+) -> tuple[MirrorSphere, ...]:
+    """The spheres of circles that are stated, or else the one that the mask shows.
+
+    Raises:
+        InputError: neither is given, or the mask shows no sphere.
+    """
+    if circles:
+        return tuple(MirrorSphere.from_circle(circle, shape, camera) for circle in circles)
+    if mask is None:
+        raise InputError(
+            "no circle: neither a mask nor centre and radius of the sphere; add mask.png, or give --circle X,Y,R in "
+            "pixels."
+        )
+    return (MirrorSphere.from_mask(mask, camera),)

@@ -1,0 +1,109 @@
+"""The command `matest lights`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from matest.commands import arguments
+from matest.commands.console import console, print_json, progress
+from matest.errors import InputError
+from matest.outputs import keep_inputs, whole_files
+
+EXAMPLE = "matest lights chrome -o lights.lp"
+
+
+def lights(
+    captures: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="CAPTURE...",
+            help="Folders with photographs of a mirror sphere, one for each light, and a mask.png or capture.toml; "
+            "several show the same lights in the same order.",
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Option("-o", "--out", help="The light list; OUT with .toml has tables for a capture.toml.")
+    ] = Path("lights.lp"),
+    circle: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="X,Y,R",
+            help="Circle of the sphere, pixels; one for each capture, or with one capture for each sphere in it. "
+            "Default: the capture's, or fitted to the edge of its mask.",
+            show_default=False,
+        ),
+    ] = None,
+    fov_y: Annotated[
+        float | None,
+        typer.Option(
+            "--fov-y",
+            metavar="RAD",
+            help="Vertical field of view of a perspective camera. Default: the capture's, or a distant camera.",
+            show_default=False,
+        ),
+    ] = None,
+    radius: Annotated[
+        float | None,
+        typer.Option(
+            metavar="R",
+            help="Radius of the spheres, world units: two of them then give positions of near lights.",
+            show_default=False,
+        ),
+    ] = None,
+    centre: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="X,Y,Z",
+            help="Where the centre of each sphere is, world units: for positions with a distant camera.",
+            show_default=False,
+        ),
+    ] = None,
+    transfer: arguments.Transfer = None,
+    as_json: arguments.Json = False,
+) -> None:
+    """Find the directions of lights, or their positions, from photographs of mirror spheres.
+
+    Every direction comes with its error, from those of the sphere's outline and of the highlight. The list and the
+    tables with the lights and their uncertainty go to OUT and OUT with .toml.
+    """
+    import numpy as np
+
+    from matest.capture.mirrors import load_mirror
+    from matest.lights.files import check_tables, write_capture_tables, write_light_list
+    from matest.lights.lights import find_lights
+    from matest.lights.position import Placement
+    from matest.report.lights import lights_record, lights_report
+
+    if out.suffix.lower() == ".toml" or out.is_dir() or not out.absolute().parent.is_dir():
+        raise InputError(f"{out}: expected the name of a light list, as lights.lp, in an existing folder; give -o.")
+    tables = out.with_suffix(".toml")
+    circles = [arguments.circle(text) for text in circle or []]
+    if circles and len(captures) > 1 and len(circles) != len(captures):
+        raise InputError(f"--circle: expected {len(captures)}, one for each capture; got {len(circles)}.")
+    shares = [circles] if len(captures) == 1 else [[one] for one in circles] or [[] for _ in captures]
+    if centre and radius is None:
+        raise InputError("--centre needs --radius, the radius of the spheres in world units; give both.")
+    mirrors = [
+        load_mirror(capture, share, transfer=arguments.encoding(transfer), fov_y=fov_y)
+        for capture, share in zip(captures, shares, strict=True)
+    ]
+    placement = None
+    if radius is not None:
+        centres = np.array([arguments.centre(text) for text in centre]) if centre else None
+        placement = Placement(radius, centres)
+        placement.check([sphere for mirror in mirrors for sphere in mirror.spheres])
+    files = [file for mirror in mirrors for file in (*mirror.files, mirror.folder / "capture.toml")]
+    keep_inputs((out, tables), files)
+    check_tables(tables)
+    with progress(", ".join(map(str, captures))) as say:
+        found = find_lights(mirrors, placement, say)
+    with whole_files(out.absolute().parent, out.name) as folder:
+        write_capture_tables(found, folder / tables.name)
+        write_light_list(found, folder / out.name)
+    if as_json:
+        print_json({**lights_record(found, mirrors), "files": [str(out), str(tables)]})
+        return
+    console().print(lights_report(found, mirrors), f"Written to {out} and {tables}")
