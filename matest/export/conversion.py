@@ -20,8 +20,8 @@ from matest.errors import InputError
 
 # Pairs of directions that an error is measured at, and those that a family is fitted to, first roughly.
 _PAIRS = 20_000
-_FIT_PAIRS = 4_000
-_ROUGH_PAIRS = 500
+_FIT_PAIRS = 2_500
+_ROUGH_PAIRS = 400
 # Largest polar angle of both ends of a pair.
 LARGEST_ANGLE = math.radians(80)
 # Rms slopes of the facets that half of the pairs mirror, so that the narrowest lobe has pairs in its peak.

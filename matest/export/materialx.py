@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -112,16 +113,22 @@ def _correlated(cos_i: Tensor, cos_o: Tensor, alpha: Tensor) -> Tensor:
     return 0.5 / (toward * cos_o + away * cos_i)
 
 
-def _white_albedo(alpha: Tensor) -> Tensor:
-    """Albedo [33, 1] of GGX with F = 1 toward viewers at evenly spaced cosines, over facets drawn by their density."""
+@cache
+def _facets() -> tuple[Tensor, Tensor, Tensor]:
+    """Nodes in the unit square [16, 16], and their weights [256]."""
     x, weight = np.polynomial.legendre.leggauss(_NODES)
     u, v = (torch.from_numpy(part) for part in np.meshgrid((x + 1) / 2, (x + 1) / 2, indexing="ij"))
+    return u, v, torch.from_numpy(np.outer(weight, weight).reshape(-1) / 4)
+
+
+def _white_albedo(alpha: Tensor) -> Tensor:
+    """Albedo [33, 1] of GGX with F = 1 toward viewers at evenly spaced cosines, over facets drawn by their density."""
+    u, v, shares = _facets()
     half = from_angles((alpha * (u / (1 - u)).sqrt()).atan(), math.pi * v).reshape(-1, 3)
     cos_o = torch.linspace(0, 1, SKY_COSINES, dtype=torch.float64).clamp(min=0.02)[:, None]
     sin_o = (1 - cos_o * cos_o).sqrt()
     along = sin_o * half[:, 0] + cos_o * half[:, 2]
     cos_i = (2 * along * half[:, 2] - cos_o).clamp(min=0)
-    shares = torch.from_numpy(np.outer(weight, weight).reshape(-1) / 4)
     # D cos α dωh has become the measure, and dω = 4 (V·H) dωh.
     values = 4 * _correlated(cos_i, cos_o, alpha) * cos_i * along.clamp(min=0) / half[:, 2]
     return (values * shares).sum(-1, keepdim=True).clamp(0.05, 1)

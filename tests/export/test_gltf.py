@@ -19,14 +19,24 @@ import torch
 from matest.brdf import Brdf, CookTorrance, Lambert, OrenNayar
 from matest.errors import InputError
 from matest.export import gltf
+from matest.export.conversion import Conversion
 from tests.export.materials import FOAM, GLOSS, METAL, PAPER, even_pairs
 
 pytest.importorskip("pygltflib")
 MATERIALS = {"gloss": GLOSS, "foam": FOAM, "metal": METAL, "paper": PAPER, "clay": OrenNayar([0.7, 0.5, 0.3], 0.5)}
+Written = dict[str, tuple[Path, Conversion]]
 _VALIDATE = """
 const validator = require("gltf-validator"), fs = require("fs");
 validator.validateBytes(new Uint8Array(fs.readFileSync(process.argv[1]))).then((r) => console.log(JSON.stringify(r)));
 """
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Written:
+    """The file of every material, and what the writer says."""
+    folder = tmp_path_factory.mktemp("gltf")
+    paths = {name: folder / f"{name}.glb" for name in MATERIALS}
+    return {name: (path, gltf.write(MATERIALS[name], path)) for name, path in paths.items()}
 
 
 def chunks(path: Path) -> tuple[dict[str, Any], bytes]:
@@ -60,9 +70,9 @@ def evaluated(material: dict[str, Any], wi: np.ndarray, wo: np.ndarray) -> np.nd
 
 
 @pytest.mark.parametrize("name", MATERIALS)
-def test_the_stated_error_is_that_of_the_specification(name: str, tmp_path: Path) -> None:
-    conversion = gltf.write(MATERIALS[name], tmp_path / "ball.glb")
-    material = chunks(tmp_path / "ball.glb")[0]["materials"][0]
+def test_the_stated_error_is_that_of_the_specification(name: str, written: Written) -> None:
+    path, conversion = written[name]
+    material = chunks(path)[0]["materials"][0]
     wi, wo = even_pairs(60_000)
     truth = MATERIALS[name](wi, wo).expand(-1, 3)
     difference = (torch.from_numpy(evaluated(material, wi.numpy(), wo.numpy())) - truth) * wi[:, 2:]
@@ -88,20 +98,19 @@ def test_a_lambertian_body_has_no_highlight(tmp_path: Path) -> None:
     assert conversion.parameters["specularFactor"] == 0
 
 
-def test_rough_bodies_become_lambertian_and_the_error_says_so(tmp_path: Path) -> None:
-    conversion = gltf.write(MATERIALS["clay"], tmp_path / "ball.glb")
+def test_rough_bodies_become_lambertian_and_the_error_says_so(written: Written) -> None:
+    conversion = written["clay"][1]
     assert conversion.parameters["specularFactor"] == 0
     assert 0.05 < conversion.error.relative_rmse < 0.25
 
 
 @pytest.mark.parametrize("name", MATERIALS)
-def test_the_validator_of_khronos_has_nothing_to_say(name: str, tmp_path: Path) -> None:
+def test_the_validator_of_khronos_has_nothing_to_say(name: str, written: Written) -> None:
     node = shutil.which("node")
     known = node and subprocess.run([node, "-e", 'require("gltf-validator")'], capture_output=True).returncode == 0
     if not node or not known:
         pytest.skip("gltf-validator is not installed: npm install gltf-validator, and NODE_PATH to its folder")
-    gltf.write(MATERIALS[name], tmp_path / "ball.glb")
-    arguments = [node, "-e", _VALIDATE, str(tmp_path / "ball.glb")]
+    arguments = [node, "-e", _VALIDATE, str(written[name][0])]
     report = json.loads(subprocess.run(arguments, capture_output=True, text=True, check=True).stdout)
     assert report["issues"]["messages"] == []
 
