@@ -30,6 +30,9 @@ _SLOPES = (0.02, 0.05, 0.1, 0.2, 0.4)
 _ROUGH_STEPS = 6
 _STEPS = 20
 
+# A value this near to its bound is at it.
+_AT_BOUND = 1e-6
+
 # f in 1/sr [n, 1 or C] at directions to the light and to the viewer [n, 3].
 Reflectance = Callable[[Tensor, Tensor], Tensor]
 
@@ -208,7 +211,11 @@ def _least_squares(family: Family, material: Brdf, start: Values, sample: Pairs,
     margin = 1e-6 * np.minimum(ends[1] - ends[0], 1.0)
     first = np.clip(first, ends[0] + margin, ends[1] - margin)
     solution = least_squares(residuals, first, bounds=ends, x_scale="jac", max_nfev=steps, ftol=1e-6)
-    return unpacked(solution.x), float(solution.cost)
+    # The solver stops just inside the bounds.
+    x = solution.x
+    for end in ends:
+        x = np.where(np.abs(x - end) < _AT_BOUND, end, x)
+    return unpacked(x), float(solution.cost)
 
 
 def even_colour(material: Brdf) -> Tensor:
