@@ -57,6 +57,8 @@ def export(
         note(f"the albedo in {result} is known up to a scale only, and so is the brightness of what was written.")
     if (folder / "maps").is_dir() and to == "merl":
         note(f"a table is of one reflectance: the mean of each of the maps in {folder} stands for it.")
+    if (folder / "maps").is_dir():
+        note(f"the maps of {result} do not travel: what was written has their means.")
     if as_json:
         content = {
             "file": str(file),

@@ -49,6 +49,11 @@ def test_every_target_has_its_file_and_says_what_it_wrote(run: Run, result: Path
     assert content["notes"]
 
 
+def test_maps_that_stay_behind_are_named(run: Run, result: Path) -> None:
+    (result / "maps").mkdir()
+    assert "do not travel: what was written has their means" in run("export", result, "--to", "materialx")[2]
+
+
 def test_a_plugin_is_written_unless_own_lobes_are_asked_for(run: Run, result: Path) -> None:
     content = {"model": "oren-nayar", "parameters": {"albedo": 0.5, "sigma": 0.4, "interreflection": 1.0}}
     (result / "material.json").write_text(json.dumps(content))
