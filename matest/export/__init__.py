@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from matest.export import merl
+from matest.export import gltf, materialx, merl, mitsuba
 
 # Writer of each target by its name, which `--to` takes.
 TARGETS = {
+    "mitsuba": mitsuba,
+    "materialx": materialx,
+    "gltf": gltf,
     "merl": merl,
 }
 

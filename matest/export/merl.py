@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,35 +11,21 @@ import torch
 from torch import Tensor
 
 from matest.brdf import Brdf
-from matest.directions import from_angles
 from matest.errors import InputError
+from matest.export.conversion import Conversion, check_channels, measured_error, pairs
 from matest.tables.merl import CELLS, INVALID, SCALES, SHAPE, cells, turned
 
 SUFFIX = ".binary"
 # Cells that are evaluated together.
 _TOGETHER = 1 << 16
-# Pairs of directions that the error of a conversion is measured at, and the largest polar angle of their two ends.
-_PAIRS = 20_000
-_LARGEST_ANGLE = math.radians(80)
-# Radians by which a surface is turned to see whether that changes it, and the relative change that is rounding.
+# Radians by which a surface is turned to see whether that changes it, at so many pairs of directions, and the relative
+# change that is rounding.
 _TURN = 0.7
+_TURNED_PAIRS = 500
 _ROUNDING = 1e-4
 
 
-@dataclass(frozen=True)
-class ConversionError:
-    """How far a written material is from the original, at random pairs of directions up to 80° from the normal.
-
-    Attributes:
-        relative_rmse: rms difference of f cos θi over its rms.
-        median: median relative difference of f.
-    """
-
-    relative_rmse: float
-    median: float
-
-
-def write(material: Brdf, path: Path) -> ConversionError:
+def write(material: Brdf, path: Path) -> Conversion:
     """Write a material as a MERL table, and measure the error of the conversion.
 
     An entry is f at the middle of its cell. The format holds one value for a pair of directions and the exchanged pair:
@@ -49,12 +35,7 @@ def write(material: Brdf, path: Path) -> ConversionError:
         InputError: an anisotropic material; another number of channels than one or three.
         OSError: the file cannot be written.
     """
-    lengths = {len(value) for value in material.parameters.values() if value.ndim}
-    if lengths - {1, 3}:
-        raise InputError(
-            f"{path}: a MERL table has the channels R, G, B, and the material has {max(lengths)}; fit it to RGB "
-            "(--channels rgb)."
-        )
+    check_channels(material, path, "a MERL table")
     _check_isotropic(material, path)
     wi, wo, _ = cells()
     above = (wi[:, 2] > 0) & (wo[:, 2] > 0)
@@ -67,7 +48,7 @@ def write(material: Brdf, path: Path) -> ConversionError:
     with path.open("wb") as file:
         np.array(SHAPE, dtype="<i4").tofile(file)
         stored.astype("<f8").tofile(file)
-    return _error(material, f)
+    return Conversion(measured_error(material, partial(_looked_up, f)), files=(path,))
 
 
 def _symmetric(material: Brdf, wi: Tensor, wo: Tensor) -> Tensor:
@@ -76,7 +57,8 @@ def _symmetric(material: Brdf, wi: Tensor, wo: Tensor) -> Tensor:
 
 
 def _check_isotropic(material: Brdf, path: Path) -> None:
-    wi, wo = _random_pairs(500)
+    sample = pairs(_TURNED_PAIRS)
+    wi, wo = sample.wi, sample.wo
     turn = torch.tensor(
         [[math.cos(_TURN), math.sin(_TURN), 0], [-math.sin(_TURN), math.cos(_TURN), 0], [0, 0, 1]], dtype=torch.float64
     )
@@ -89,26 +71,10 @@ def _check_isotropic(material: Brdf, path: Path) -> None:
         )
 
 
-def _random_pairs(count: int) -> tuple[Tensor, Tensor]:
-    """Pairs of directions spread evenly over both hemispheres up to 80° from the normal."""
-    generator = torch.Generator().manual_seed(0)
-    cos, phi = (torch.rand(2, count, generator=generator, dtype=torch.float64) for _ in range(2))
-    cos = math.cos(_LARGEST_ANGLE) + (1 - math.cos(_LARGEST_ANGLE)) * cos
-    wi, wo = from_angles(cos.acos(), 2 * math.pi * phi)
-    return wi, wo
-
-
-def _error(material: Brdf, f: Tensor) -> ConversionError:
-    """The error of looking up f [CELLS, 3] instead of evaluating the material."""
-    wi, wo = _random_pairs(_PAIRS)
-    table = f[_places(wi, wo)]
-    with torch.no_grad():
-        true = material(wi, wo).expand(-1, 3)
-    known = (table >= 0).all(1)
-    difference, true = (table - true)[known], true[known]
-    cosine = wi[known, 2:]
-    relative = float(((difference * cosine).square().sum() / (true * cosine).square().sum().clamp(min=1e-300)).sqrt())
-    return ConversionError(relative, float((difference.abs() / true.clamp(min=1e-300)).median()))
+def _looked_up(f: Tensor, wi: Tensor, wo: Tensor) -> Tensor:
+    """What a look-up in f [CELLS, 3] gives; NaN where the cell has no value."""
+    values = f[_places(wi, wo)]
+    return torch.where(values >= 0, values, torch.nan)
 
 
 def _places(wi: Tensor, wo: Tensor) -> Tensor:

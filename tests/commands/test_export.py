@@ -34,9 +34,43 @@ def test_json_names_the_file_and_the_error(run: Run, result: Path, tmp_path: Pat
     assert json.loads(out)["error"]["relative_rmse"] < 1e-6
 
 
+@pytest.mark.parametrize(("target", "suffix"), [("mitsuba", ".xml"), ("materialx", ".mtlx"), ("gltf", ".glb")])
+def test_every_target_has_its_file_and_says_what_it_wrote(run: Run, result: Path, target: str, suffix: str) -> None:
+    code, out, _ = run("export", result, "--to", target)
+    assert code == 0
+    assert result.with_name(f"ball{suffix}").is_file()
+    assert "error of the conversion 0.00% of the rms brightness" in out
+    assert "0.5 0.4 0.3" in out
+    code, out, _ = run("export", result, "--to", target, "--json")
+    assert code == 0
+    content = json.loads(out)
+    assert content["files"] == [str(result.with_name(f"ball{suffix}"))]
+    assert content["parameters"]
+    assert content["notes"]
+
+
+def test_maps_that_stay_behind_are_named(run: Run, result: Path) -> None:
+    (result / "maps").mkdir()
+    assert "do not travel: what was written has their means" in run("export", result, "--to", "materialx")[2]
+
+
+def test_a_plugin_is_written_unless_own_lobes_are_asked_for(run: Run, result: Path) -> None:
+    content = {"model": "oren-nayar", "parameters": {"albedo": 0.5, "sigma": 0.4, "interreflection": 1.0}}
+    (result / "material.json").write_text(json.dumps(content))
+    _, out, _ = run("export", result, "--to", "mitsuba")
+    assert "import matest_bsdf after set_variant()" in out
+    assert result.with_name("matest_bsdf.py").is_file()
+    code, out, _ = run("export", result, "--to", "mitsuba", "--fitted", "--json")
+    assert code == 0
+    assert json.loads(out)["error"]["relative_rmse"] > 0.05
+    assert len(json.loads(out)["files"]) == 1
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        (("--to", "gltf", "--fitted"), "--fitted goes with --to mitsuba"),
+        (("--to", "gltf", "-o", "ball.obj"), "ball.obj: expected a name that ends in .glb or .gltf"),
         (("--to", "merle"), "did you mean 'merl'?"),
         (("--to", "merl", "-o", "/nowhere/a.binary"), "expected a file name in an existing folder"),
     ],

@@ -15,7 +15,9 @@ def test_solutions_and_inverses_are_those_of_lapack(size: int) -> None:
     matrices = jacobian.mT @ jacobian
     right = torch.randn(40, size, 3, generator=generator, dtype=torch.float64)
     factored = Factored.of(matrices.permute(1, 2, 0))
-    torch.testing.assert_close(factored.solve(right.permute(1, 2, 0)).permute(2, 0, 1), torch.linalg.solve(matrices, right))
+    torch.testing.assert_close(
+        factored.solve(right.permute(1, 2, 0)).permute(2, 0, 1), torch.linalg.solve(matrices, right)
+    )
     torch.testing.assert_close(factored.inverse().permute(2, 0, 1), torch.linalg.inv(matrices))
 
 

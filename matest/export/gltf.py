@@ -1,0 +1,213 @@
+"""glTF 2.0: a metallic-roughness material on a sphere, with the extensions KHR_materials_specular and _ior.
+
+Conventions of the specification (appendix B): `roughnessFactor` is √α, α the width of GGX as our `slope` with
+`distribution=ggx`; masking is Smith's, F Schlick's. A dielectric reflects w F and lets 1 − w max F through to a
+Lambertian body of albedo `baseColorFactor`, w = `specularFactor`; F at normal incidence is ((n−1)/(n+1))² ·
+`specularColorFactor`. A metal has F = `baseColorFactor` there, and no body. Colours are linear, of Rec. 709.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from matest.brdf import Brdf
+from matest.brdf.fresnel import schlick_weight
+from matest.brdf.microfacet import ggx, smith_ggx
+from matest.directions import Directions
+from matest.errors import InputError
+from matest.export.conversion import (
+    Conversion,
+    Family,
+    Values,
+    best_fit,
+    check_channels,
+    even_colour,
+    measured_error,
+    own_f0,
+    own_slopes,
+)
+from matest.export.lobes import METALLIC, Lobe, index_of, is_matte, lobes_of
+
+SUFFIX = ".glb"
+# Facets of the sphere that shows the material, from pole to pole and around.
+_SPHERE = (32, 64)
+_SUFFIXES = (".glb", ".gltf")
+
+
+def write(material: Brdf, path: Path) -> Conversion:
+    """Write a material as glTF, and measure the error of the conversion.
+
+    Args:
+        material: of one or three channels.
+        path: a `.glb` or `.gltf` file.
+
+    Raises:
+        InputError: another number of channels, another suffix, or pygltflib is not installed.
+        OSError: the file cannot be written.
+    """
+    check_channels(material, path, "glTF's RGB")
+    if path.suffix.lower() not in _SUFFIXES:
+        raise InputError(f"{path}: expected a name that ends in .glb or .gltf; give one with -o.")
+    try:
+        import pygltflib
+    except ImportError:
+        raise InputError(f'{path}: glTF needs pygltflib, which is not installed: pip install "matest-brdf[gltf]".')
+    lobes = lobes_of(material)
+    exact = None if lobes is None else _values_of(lobes)
+    if exact is not None:
+        values: Values = exact
+        error = measured_error(material, lambda wi, wo: reflectance(values, Directions(wi, wo)))
+        notes = ["glTF has this lobe; roughnessFactor is the root of GGX's width."]
+    else:
+        family, values, error = best_fit(_families(material, lobes), material)
+        notes = [f"glTF's {family.name} was fitted to the material; roughnessFactor is the root of GGX's width."]
+    parameters = _parameters(values)
+    extras = {
+        "matest": {
+            "model": material.expression,
+            "relative_rmse": error.relative_rmse,
+            "median": error.median,
+            "note": " ".join(notes),
+        }
+    }
+    _save(pygltflib, _material(parameters, path.stem, extras), path)
+    return Conversion(error, parameters, notes, (path,))
+
+
+def reflectance(values: Values, directions: Directions) -> Tensor:
+    """f of a glTF material [n, 3], by appendix B of the specification."""
+    lobe = ggx(directions, values["alpha"]) * smith_ggx(directions, values["alpha"])
+    rise = schlick_weight(directions.short_d)
+    if "weight" not in values:
+        return lobe * (values["base"] + (1 - values["base"]) * rise)
+    f0 = (((values["ior"] - 1) / (values["ior"] + 1)).square() * values["colour"]).clamp(max=1)
+    fresnel = f0 + (1 - f0) * rise
+    through = 1 - values["weight"] * fresnel.amax(-1, keepdim=True)
+    return through * values["base"] / math.pi + values["weight"] * fresnel * lobe
+
+
+def _values_of(lobes: Sequence[Lobe]) -> dict[str, Tensor] | None:
+    """Values of the glTF material that is one lobe: Lambert's, or of a GGX metal with Schlick's F."""
+    if len(lobes) > 1:
+        return None
+    values, words = lobes[0].values, lobes[0].words
+    one, zero = torch.ones((), dtype=torch.float64), torch.zeros((), dtype=torch.float64)
+    if lobes[0].kind == "lambert" and float(values["albedo"].max()) <= 1:
+        optics = {"ior": 1.5 * one, "colour": one.expand(3), "weight": zero}
+        return {"base": values["albedo"].expand(3), "alpha": one, **optics}
+    metal = {"distribution": "ggx", "masking": "smith", "fresnel": "schlick"}
+    if lobes[0].kind == "microfacet" and words == metal and bool((values["specular"] == 1).all()):
+        return {"base": values["f0"].expand(3), "alpha": values["slope"]}
+    return None
+
+
+def _families(material: Brdf, lobes: Sequence[Lobe] | None) -> list[Family]:
+    """A dielectric over a Lambertian body, and a metal; the body alone for what is matte."""
+    colour, f0 = even_colour(material).clamp(max=1), own_f0(material) or 0.04
+    slopes = [torch.tensor(slope, dtype=torch.float64) for slope in own_slopes(material)]
+    one = torch.ones((), dtype=torch.float64)
+    index = index_of(torch.tensor(f0 if f0 < METALLIC else 0.04, dtype=torch.float64))
+    normal = float(((index - 1) / (index + 1)).square())
+    coated = [{"base": colour, "alpha": slope, "weight": 0.9 * one, "colour": one.expand(3)} for slope in slopes]
+    metals = [{"base": max(f0, 0.5) * one.expand(3), "alpha": slope} for slope in slopes]
+    bounds = {"base": (0.0, 1.0), "alpha": (1e-3, 1.0)}
+    further = {"weight": (0.0, 1.0), "colour": (0.0, 1 / normal)}
+    if is_matte(lobes):
+        plain = {"alpha": one, "ior": index, "colour": one.expand(3), "weight": torch.zeros_like(one)}
+        return [Family("Lambertian body", reflectance, [{"base": colour}], {"base": (0.0, 1.0)}, plain)]
+    return [
+        Family("dielectric over a Lambertian body", reflectance, coated, bounds | further, {"ior": index}),
+        Family("metal", reflectance, metals, bounds),
+    ]
+
+
+def _parameters(values: Values) -> dict[str, Any]:
+    """The values by glTF's names."""
+    parameters = {
+        "baseColorFactor": [*values["base"].tolist(), 1.0],
+        "metallicFactor": 0.0 if "weight" in values else 1.0,
+        "roughnessFactor": float(values["alpha"].sqrt()),
+    }
+    if "weight" in values:
+        parameters |= {
+            "specularFactor": float(values["weight"]),
+            "specularColorFactor": values["colour"].tolist(),
+            "ior": float(values["ior"]),
+        }
+    return parameters
+
+
+def _material(parameters: dict[str, Any], name: str, extras: dict[str, Any]) -> dict[str, Any]:
+    """The entry of a glTF file."""
+    specular = {key: parameters[key] for key in ("specularFactor", "specularColorFactor") if key in parameters}
+    extensions = {}
+    if specular:
+        extensions = {"KHR_materials_specular": specular, "KHR_materials_ior": {"ior": parameters["ior"]}}
+    return {
+        "name": name,
+        "pbrMetallicRoughness": {
+            key: parameters[key] for key in ("baseColorFactor", "metallicFactor", "roughnessFactor")
+        },
+        "extensions": extensions,
+        "extras": extras,
+    }
+
+
+def _save(pygltflib: Any, material: dict[str, Any], path: Path) -> None:
+    """Write a sphere of unit radius of the material: programs do not read a material that nothing is made of."""
+    vertices, triangles = _sphere()
+    blob = triangles.tobytes() + vertices.tobytes()
+    split = triangles.nbytes
+    g = pygltflib
+    document = g.GLTF2(
+        asset=g.Asset(version="2.0", generator="matest"),
+        scene=0,
+        scenes=[g.Scene(nodes=[0])],
+        nodes=[g.Node(mesh=0, name=material["name"])],
+        # The normals of a unit sphere are its vertices.
+        meshes=[
+            g.Mesh(primitives=[g.Primitive(attributes=g.Attributes(POSITION=1, NORMAL=1), indices=0, material=0)])
+        ],
+        accessors=[
+            g.Accessor(bufferView=0, componentType=g.UNSIGNED_SHORT, count=triangles.size, type=g.SCALAR),
+            g.Accessor(
+                bufferView=1, componentType=g.FLOAT, count=len(vertices), type=g.VEC3,
+                min=vertices.min(0).tolist(), max=vertices.max(0).tolist(),
+            ),
+        ],
+        bufferViews=[
+            g.BufferView(buffer=0, byteOffset=0, byteLength=split, target=g.ELEMENT_ARRAY_BUFFER),
+            g.BufferView(buffer=0, byteOffset=split, byteLength=len(blob) - split, target=g.ARRAY_BUFFER),
+        ],
+        buffers=[g.Buffer(byteLength=len(blob))],
+        materials=[
+            g.Material(
+                name=material["name"],
+                pbrMetallicRoughness=g.PbrMetallicRoughness(**material["pbrMetallicRoughness"]),
+                extensions=material["extensions"],
+                extras=material["extras"],
+                alphaCutoff=None,
+            )
+        ],
+        extensionsUsed=list(material["extensions"]),
+    )  # fmt: skip
+    document.set_binary_blob(blob)
+    if path.suffix.lower() == ".gltf":
+        document.convert_buffers(g.BufferFormat.DATAURI)
+    document.save(str(path))
+
+
+def _sphere() -> tuple[np.ndarray, np.ndarray]:
+    """Vertices [n, 3] float32 of the unit sphere, and its triangles [m, 3], counter-clockwise seen from outside."""
+    import trimesh
+
+    sphere = trimesh.creation.uv_sphere(radius=1.0, count=list(_SPHERE))
+    vertices = sphere.vertices / np.linalg.norm(sphere.vertices, axis=1, keepdims=True)
+    return vertices.astype("<f4"), sphere.faces.astype("<u2")

@@ -1,0 +1,228 @@
+"""Mitsuba 3: a BSDF in a scene file, to include or to load; where Mitsuba lacks the lobes, with a plugin beside it.
+
+Conventions: `alpha` of `roughconductor` is the slope m of Beckmann's D = exp(−tan²α/m²)/(π m² cos⁴α), and the width of
+GGX; `reflectance` is an albedo; F is that of an index n − ik, of a dielectric with k = 0; masking is Smith's, for
+Beckmann by Walter's rational function. A `blendbsdf` weighs each of two lobes by half, so that both are doubled.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import torch
+from torch import Tensor
+
+from matest.brdf import Brdf
+from matest.brdf.fresnel import conductor
+from matest.brdf.microfacet import beckmann, ggx, smith_ggx
+from matest.directions import Directions
+from matest.export.conversion import (
+    Conversion,
+    ConversionError,
+    Family,
+    Values,
+    best_fit,
+    check_channels,
+    even_colour,
+    measured_error,
+    own_f0,
+    own_slopes,
+)
+from matest.export.lobes import METALLIC, Lobe, index_of, lobes_of
+
+SUFFIX = ".xml"
+# The plugin beside a scene.
+PLUGIN = "matest_bsdf.py"
+_VERSION = "3.0.0"
+# Values that the plugin reads as colours.
+_COLOURS = {"albedo", "specular", "k", "f0", "eta", "extinction"}
+_DISTRIBUTIONS = ("beckmann", "ggx")
+
+
+def write(material: Brdf, path: Path, *, fitted: bool = False) -> Conversion:
+    """Write a material as a BSDF of Mitsuba 3, and measure the error of the conversion.
+
+    Args:
+        material: of one or three channels.
+        path: the `.xml` file.
+        fitted: whether Mitsuba's own lobes are fitted where it lacks the material's; otherwise a plugin that has them
+            is written beside the file, where there is one.
+
+    Raises:
+        InputError: another number of channels.
+        OSError: a file cannot be written.
+    """
+    check_channels(material, path, "Mitsuba's RGB")
+    lobes = lobes_of(material)
+    native = None if lobes is None else _native(lobes)
+    if lobes is not None and native is None and not fitted:
+        return _with_plugin(material, lobes, path)
+    if native is not None:
+        values: Values = native
+        error = measured_error(material, lambda wi, wo: _reflectance(values, Directions(wi, wo)))
+        notes = ["Mitsuba has these lobes: alpha is the slope m, reflectance the albedo."]
+    else:
+        family, values, error = best_fit(_families(material), material)
+        notes = [f"Mitsuba's diffuse and {family.name} were fitted to the material; alpha is a slope."]
+    parameters: dict[str, Any] = {key: value.tolist() for key, value in values.items() if key != "ggx"}
+    parameters |= {"distribution": _distribution(values)} if "alpha" in values else {}
+    root = _bsdf(values)
+    _write(root, path, [f"{material.expression} by matest; error of the conversion {error}.", *notes])
+    return Conversion(error, parameters, notes, (path,))
+
+
+def _native(lobes: Sequence[Lobe]) -> dict[str, Tensor] | None:
+    """Values of Mitsuba's `diffuse` and `roughconductor` that are these lobes; None where they are not."""
+    bodies = [lobe for lobe in lobes if lobe.kind == "lambert"]
+    surfaces = [lobe for lobe in lobes if lobe.kind == "microfacet" and _is_native(lobe)]
+    if len(bodies) > 1 or len(surfaces) > 1 or len(bodies) + len(surfaces) < len(lobes):
+        return None
+    values = {"diffuse": bodies[0].values["albedo"].expand(3)} if bodies else {}
+    for lobe in surfaces:
+        values |= {"specular": lobe.values["specular"].expand(3), "alpha": lobe.values["slope"]}
+        values["ggx"] = torch.tensor(lobe.words["distribution"] == "ggx")
+        if lobe.words["fresnel"] == "conductor":
+            values |= {"eta": lobe.values["eta"].expand(3), "k": lobe.values["extinction"].expand(3)}
+        else:
+            index = index_of(lobe.values["f0"]).expand(3)
+            values |= {"eta": index, "k": torch.zeros_like(index)}
+    return values
+
+
+def _is_native(lobe: Lobe) -> bool:
+    words = lobe.words
+    smith = words["masking"] == "smith" and words["distribution"] in _DISTRIBUTIONS
+    return smith and words["fresnel"] in ("dielectric", "conductor")
+
+
+def _distribution(values: Values) -> str:
+    return _DISTRIBUTIONS[int(values.get("ggx", torch.tensor(False)))]
+
+
+def _reflectance(values: Values, directions: Directions) -> Tensor:
+    """f of Mitsuba's `diffuse` and `roughconductor` [n, 3]."""
+    total = values["diffuse"] / math.pi if "diffuse" in values else torch.zeros(3, dtype=torch.float64)
+    total = total.expand(len(directions.cos_i), 3)
+    if "alpha" not in values:
+        return total
+    alpha = values["alpha"]
+    if _distribution(values) == "ggx":
+        lobe = ggx(directions, alpha) * smith_ggx(directions, alpha)
+    else:
+        cosines = directions.cos_i * directions.cos_o
+        sides = ((directions.cos_i, directions.sin_i), (directions.cos_o, directions.sin_o))
+        masking = [_walter(cos / (alpha * sin)) for cos, sin in sides]
+        lobe = beckmann(directions, alpha) * masking[0] * masking[1] / (4 * cosines)
+    return total + values["specular"] * lobe * conductor(directions.cos_d, values["eta"], values["k"])
+
+
+def _walter(a: Tensor) -> Tensor:
+    """Smith's G1 of a Beckmann surface at a = 1/(α tan θ) by the rational function of Walter et al. 2007."""
+    a2 = a * a
+    return torch.where(a < 1.6, (3.535 * a + 2.181 * a2) / (1 + 2.276 * a + 2.577 * a2), 1.0)
+
+
+def _families(material: Brdf) -> list[Family]:
+    """`diffuse` with a rough dielectric or a rough conductor of either distribution."""
+    colour, f0 = even_colour(material), own_f0(material) or 0.04
+    slopes = [torch.tensor(slope, dtype=torch.float64) for slope in own_slopes(material)]
+    index = index_of(torch.tensor(f0 if f0 < METALLIC else 0.04, dtype=torch.float64)).expand(3)
+    metal_k = 2 * torch.tensor(max(f0, 0.5) / (1 - min(max(f0, 0.5), 0.99)), dtype=torch.float64).sqrt().expand(3)
+    one, zero = torch.ones(3, dtype=torch.float64), torch.zeros(3, dtype=torch.float64)
+    bounds = {"diffuse": (0.0, math.inf), "alpha": (1e-3, 1.0)}
+    families = []
+    for kind in _DISTRIBUTIONS:
+        held = {"ggx": torch.tensor(kind == "ggx")}
+        starts = [{"diffuse": colour, "alpha": slope} for slope in slopes]
+        coated = [start | {"specular": one} for start in starts]
+        metals = [start | {"eta": one, "k": metal_k} for start in starts]
+        families += [
+            Family(
+                f"rough dielectric ({kind})", _reflectance, coated, bounds | {"specular": (0.0, math.inf)},
+                held | {"eta": index, "k": zero},
+            ),
+            Family(
+                f"rough conductor ({kind})", _reflectance, metals, bounds | {"eta": (0.05, 10.0), "k": (0.0, 12.0)},
+                held | {"specular": one},
+            ),
+        ]  # fmt: skip
+    return families
+
+
+def _bsdf(values: Values) -> ElementTree.Element:
+    """The BSDF of `_reflectance`: one plugin, or a blend of two."""
+    body, surface = "diffuse" in values, "alpha" in values
+    if not (body and surface):
+        return _surface(values, 1.0) if surface else _body(values, 1.0)
+    blend = ElementTree.Element("bsdf", type="blendbsdf")
+    ElementTree.SubElement(blend, "float", name="weight", value="0.5")
+    blend.extend([_body(values, 2.0), _surface(values, 2.0)])
+    return blend
+
+
+def _body(values: Values, scale: float) -> ElementTree.Element:
+    element = ElementTree.Element("bsdf", type="diffuse")
+    _unbounded(element, "reflectance", scale * values["diffuse"])
+    return element
+
+
+def _surface(values: Values, scale: float) -> ElementTree.Element:
+    element = ElementTree.Element("bsdf", type="roughconductor")
+    ElementTree.SubElement(element, "string", name="distribution", value=_distribution(values))
+    ElementTree.SubElement(element, "float", name="alpha", value=_text(values["alpha"]))
+    for name in ("eta", "k"):
+        ElementTree.SubElement(element, "rgb", name=name, value=_text(values[name]))
+    _unbounded(element, "specular_reflectance", scale * values["specular"])
+    return element
+
+
+def _unbounded(parent: ElementTree.Element, name: str, colour: Tensor) -> None:
+    """A colour that may exceed 1, which `<rgb>` refuses in reflectances."""
+    texture = ElementTree.SubElement(parent, "texture", type="srgb", name=name)
+    ElementTree.SubElement(texture, "rgb", name="color", value=_text(colour))
+    ElementTree.SubElement(texture, "boolean", name="unbounded", value="true")
+
+
+def _text(value: Tensor) -> str:
+    return " ".join(f"{number:.9g}" for number in value.flatten().tolist())
+
+
+def _with_plugin(material: Brdf, lobes: Sequence[Lobe], path: Path) -> Conversion:
+    """Write the lobes by the names of the plugin, and the plugin beside them."""
+    root = ElementTree.Element("bsdf", type="matest")
+    parameters: dict[str, object] = {}
+    for number, lobe in enumerate(lobes):
+        head = f"lobe_{number}"
+        parameters[head] = lobe.kind
+        ElementTree.SubElement(root, "string", name=head, value=lobe.kind)
+        for name, word in lobe.words.items():
+            ElementTree.SubElement(root, "string", name=f"{head}_{name}", value=word)
+        for name, value in lobe.values.items():
+            colour = name in _COLOURS
+            numbers = value.expand(3) if colour else value.mean()
+            ElementTree.SubElement(root, "rgb" if colour else "float", name=f"{head}_{name}", value=_text(numbers))
+            parameters[f"{head}_{name}"] = numbers.tolist()
+    notes = [
+        f"Mitsuba lacks these lobes: import {Path(PLUGIN).stem} after set_variant() and before loading the file. It "
+        "evaluates the material's own equations, in single precision."
+    ]
+    # The same equations with the same values.
+    error = ConversionError(0.0, 0.0)
+    _write(root, path, [f"{material.expression} by matest.", *notes])
+    plugin = path.with_name(PLUGIN)
+    plugin.write_text(Path(__file__).with_name("mitsuba_plugin.py").read_text("utf-8"), "utf-8")
+    return Conversion(error, parameters, notes, (path, plugin))
+
+
+def _write(root: ElementTree.Element, path: Path, remarks: Sequence[str]) -> None:
+    root.set("version", _VERSION)
+    root.set("id", path.stem)
+    root.insert(0, ElementTree.Comment(" " + " ".join(remarks).replace("--", "- -") + " "))
+    ElementTree.indent(root)
+    ElementTree.ElementTree(root).write(path, "utf-8", xml_declaration=False)
+    with path.open("a", encoding="utf-8") as file:
+        file.write("\n")

@@ -1,0 +1,59 @@
+"""Materials that every target is tried on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+
+from matest.brdf import CookTorrance, Eon, Fujii, Lambert, LiTorrance, OrenNayar, OrenNayarQualitative, preset
+from matest.brdf.base import Brdf
+
+_GOLD: dict[str, Any] = {"fresnel": "conductor", "eta": [0.2, 0.4, 1.4], "k": [3.1, 2.3, 1.8]}
+
+GLOSS = CookTorrance([0.4, 0.3, 0.2], [0.9, 0.8, 0.7], 0.15)
+SMITH_GLOSS = CookTorrance([0.4, 0.3, 0.2], [0.9, 0.8, 0.7], 0.15, masking="smith")
+METAL = CookTorrance(0.0, 1.0, 0.15, masking="smith", **_GOLD)
+FOAM = preset("foam")
+PAPER = preset("laser-paper")
+
+# What Mitsuba has itself.
+NATIVE: dict[str, Brdf] = {
+    "lambert": Lambert([0.5, 0.4, 0.3]),
+    "gloss": SMITH_GLOSS,
+    "metal": METAL,
+    "ggx": CookTorrance(0.2, 0.5, 0.3, distribution="ggx", masking="smith"),
+    # Under lights of unknown scale an albedo may exceed 1.
+    "relative": CookTorrance(0.2, 1.0, 0.1, masking="smith").replace(
+        {"diffuse": torch.tensor([1.4, 1.2, 0.3], dtype=torch.float64)}
+    ),
+}
+# What the plugin adds.
+PLUGGED: dict[str, Brdf] = {
+    "v-cavities": GLOSS,
+    "gaussian": CookTorrance(0.1, 0.7, 0.15, distribution="gaussian", normalisation="ngan"),
+    "ggx-schlick": CookTorrance(
+        0.1, 1.0, 0.2, distribution="ggx", masking="smith", fresnel="schlick", f0=[0.9, 0.5, 0.3]
+    ),
+    "smith-schlick": CookTorrance(0.0, 1.0, 0.2, masking="smith", fresnel="schlick", f0=[0.9, 0.5, 0.3]),
+    "conductor": CookTorrance(0.1, 0.8, 0.15, **_GOLD),
+    "three-slopes": CookTorrance(0.1, 0.7, 0.15, lobes="3", weights="complementary"),
+    "copper-vase": preset("copper-vase"),
+    "oren-nayar": OrenNayar([0.9, 0.5, 0.3], 0.6),
+    "qualitative": OrenNayarQualitative([0.9, 0.5, 0.3], 0.6),
+    "fujii": Fujii([0.9, 0.5, 0.3], 0.6),
+    "eon": Eon([0.9, 0.5, 0.3], 0.6),
+    "foam": FOAM,
+    "laser-paper": PAPER,
+    "ground-glass": preset("ground-glass"),
+    "reciprocal": LiTorrance(k_fs=2.0, forward="on", law="reciprocal", uniform="on", k_udf=0.1, masking="off"),
+}
+
+
+def even_pairs(count: int, seed: int = 5) -> tuple[torch.Tensor, torch.Tensor]:
+    """Directions spread evenly over both hemispheres up to 80° from the normal, by rejection from normal numbers."""
+    generator = torch.Generator().manual_seed(seed)
+    vectors = torch.randn(2, 8 * count, 3, generator=generator, dtype=torch.float64)
+    wi, wo = vectors / vectors.norm(dim=-1, keepdim=True)
+    kept = (torch.minimum(wi[:, 2], wo[:, 2]) > 0.17364817766693033).nonzero()[:count, 0]
+    return wi[kept], wo[kept]

@@ -1,0 +1,190 @@
+"""The Mitsuba writer: what Mitsuba itself evaluates, samples and renders."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import sys
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import torch
+
+from matest.brdf import Brdf, CookTorrance, Lambert, Ward
+from matest.directions import Directions, to_local
+from matest.errors import InputError
+from matest.export import mitsuba
+from matest.export.conversion import pairs
+from matest.shading import reflectance
+from tests.export.materials import FOAM, GLOSS, METAL, NATIVE, PAPER, PLUGGED, SMITH_GLOSS, even_pairs
+
+pytest.importorskip("mitsuba")
+# Single precision, and the rounding of values to nine digits.
+ROUNDING = 1e-5
+# Walter's rational function for Smith's masking of Beckmann's facets, on both sides.
+RATIONAL_MASKING = 0.008
+SIZE = 40
+
+
+@pytest.fixture(scope="module")
+def mi() -> Any:
+    import mitsuba as mi
+
+    mi.set_variant("scalar_rgb")
+    return mi
+
+
+def loaded(mi: Any, material: Brdf, folder: Path, **options: bool) -> tuple[Any, Any]:
+    """The BSDF that Mitsuba makes of the file, with the plugin if there is one, and what the writer says."""
+    conversion = mitsuba.write(material, folder / "ball.xml", **options)
+    if len(conversion.files) > 1:
+        spec = importlib.util.spec_from_file_location("matest_bsdf", conversion.files[1])
+        assert spec is not None
+        assert spec.loader is not None
+        spec.loader.exec_module(importlib.util.module_from_spec(spec))
+    return mi.load_file(str(conversion.files[0])), conversion
+
+
+def evaluated(mi: Any, bsdf: Any, wi: torch.Tensor, wo: torch.Tensor) -> torch.Tensor:
+    """f [n, 3] by Mitsuba, which multiplies it by cos θi."""
+    import drjit as dr
+
+    context, point, values = mi.BSDFContext(), dr.zeros(mi.SurfaceInteraction3f), []
+    for light, viewer in zip(wi.tolist(), wo.tolist(), strict=True):
+        point.wi = mi.Vector3f(viewer)
+        values.append(np.array(bsdf.eval(context, point, mi.Vector3f(light))) / light[2])
+    return torch.from_numpy(np.array(values, dtype=float))
+
+
+@pytest.mark.parametrize("name", PLUGGED)
+def test_the_plugin_evaluates_the_material_itself(mi: Any, name: str, tmp_path: Path) -> None:
+    material, sample = PLUGGED[name], pairs(300, seed=3)
+    bsdf, conversion = loaded(mi, material, tmp_path)
+    assert [file.name for file in conversion.files] == ["ball.xml", "matest_bsdf.py"]
+    truth = material(sample.wi, sample.wo).expand(-1, 3)
+    torch.testing.assert_close(evaluated(mi, bsdf, sample.wi, sample.wo), truth, rtol=ROUNDING, atol=1e-7)
+
+
+@pytest.mark.parametrize("name", NATIVE)
+def test_lobes_that_mitsuba_has_are_converted_exactly(mi: Any, name: str, tmp_path: Path) -> None:
+    material, sample = NATIVE[name], pairs(1000, seed=3)
+    bsdf, conversion = loaded(mi, material, tmp_path)
+    assert [file.name for file in conversion.files] == ["ball.xml"]
+    values = evaluated(mi, bsdf, sample.wi, sample.wo)
+    truth = material(sample.wi, sample.wo).expand(-1, 3)
+    assert float((values / truth - 1)[truth > 1e-4].abs().max()) < RATIONAL_MASKING
+    assert conversion.error.relative_rmse < 0.005
+
+
+@pytest.mark.parametrize("material", [GLOSS, FOAM, PAPER, Ward(0.2, 0.3)], ids=["gloss", "foam", "paper", "ward"])
+def test_the_error_of_a_fit_is_what_mitsuba_shows(mi: Any, material: Brdf, tmp_path: Path) -> None:
+    bsdf, conversion = loaded(mi, material, tmp_path, fitted=True)
+    wi, wo = even_pairs(8_000)
+    truth, values = material(wi, wo).expand(-1, 3), evaluated(mi, bsdf, wi, wo)
+    squares = [float((part * wi[:, 2:]).square().sum()) for part in (values - truth, truth)]
+    # Random pairs: those in the peak of a lobe are some hundreds.
+    assert math.sqrt(squares[0] / squares[1]) == pytest.approx(conversion.error.relative_rmse, rel=0.15)
+    assert str(conversion.error) in conversion.files[0].read_text("utf-8")
+    assert len(conversion.files) == 1
+
+
+@pytest.mark.parametrize(
+    ("material", "largest"),
+    [(GLOSS, ROUNDING), (SMITH_GLOSS, 0.01), (METAL, 0.01), (FOAM, ROUNDING), (PAPER, ROUNDING)],
+    ids=["gloss", "smith-gloss", "metal", "foam", "paper"],
+)
+def test_a_sphere_that_mitsuba_renders_is_ours_pixel_by_pixel(
+    mi: Any, material: Brdf, largest: float, tmp_path: Path
+) -> None:
+    toward = np.array([0.5, 0.3, 0.81])
+    toward /= np.linalg.norm(toward)
+    bsdf, _ = loaded(mi, material, tmp_path)
+    film = {"type": "hdrfilm", "width": SIZE, "height": SIZE, "rfilter": {"type": "box"}, "pixel_format": "rgb"}
+    place = mi.ScalarTransform4f()
+    camera = {
+        "type": "orthographic",
+        "to_world": place.look_at(origin=[0, 0, 5], target=[0, 0, 0], up=[0, 1, 0]),
+        "film": {**film, "component_format": "float32"},
+        "sampler": {"type": "stratified", "jitter": False, "sample_count": 1},
+    }
+    light = {"type": "directional", "direction": (-toward).tolist(), "irradiance": {"type": "rgb", "value": [1, 1, 1]}}
+    scene = {"type": "scene", "integrator": {"type": "direct", "bsdf_samples": 0, "emitter_samples": 1}}
+    ball = {"type": "sphere", "bsdf": bsdf}
+    image = np.array(mi.render(mi.load_dict({**scene, "camera": camera, "ball": ball, "light": light})))
+    x, y = np.meshgrid((np.arange(SIZE) + 0.5) / SIZE * 2 - 1, 1 - (np.arange(SIZE) + 0.5) / SIZE * 2)
+    inside = x * x + y * y < 0.97
+    normal = torch.from_numpy(np.stack([x, y, np.sqrt(np.clip(1 - x * x - y * y, 0, 1))], -1)[inside])
+    viewer = torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64)
+    wi, wo = to_local(normal, *(vector.expand_as(normal) for vector in (torch.from_numpy(toward), viewer)))
+    ours = (material(wi, wo) * wi[:, 2:].clamp(min=0)).expand(-1, 3).numpy()
+    rendered = image[inside]
+    # Positions on the sphere are single precision: a lobe's flank turns that into some more digits.
+    lit = ours > 1e-3 * ours.max()
+    assert np.abs(rendered / ours.clip(1e-9) - 1)[lit].max() < largest + 2e-4
+    assert lit.mean() > 0.05
+
+
+@pytest.mark.parametrize("name", ["v-cavities", "ggx-schlick", "laser-paper"])
+def test_directions_are_drawn_by_the_density_that_the_plugin_states(mi: Any, name: str, tmp_path: Path) -> None:
+    import drjit as dr
+
+    bsdf, _ = loaded(mi, PLUGGED[name], tmp_path)
+    context, point = mi.BSDFContext(), dr.zeros(mi.SurfaceInteraction3f)
+    cos = math.cos(0.6)
+    point.wi = mi.Vector3f(math.sin(0.6), 0.0, cos)
+    uniform = np.random.default_rng(2).random((6000, 3))
+    weights = [bsdf.sample(context, point, float(u), mi.Point2f(v, w))[1] for u, v, w in uniform]
+    mean = np.array(weights).mean(0)
+    albedo = reflectance(PLUGGED[name], torch.tensor([[cos]], dtype=torch.float64)).expand(1, 3)[0].numpy()
+    assert mean == pytest.approx(albedo, rel=0.04)
+
+
+def test_values_of_the_plugin_can_be_traversed(mi: Any, tmp_path: Path) -> None:
+    bsdf, _ = loaded(mi, FOAM, tmp_path)
+    names = {key for key, _ in mi.traverse(bsdf).items()}
+    assert {"lobe_0_albedo.value", "lobe_0_sigma.value", "lobe_1_slope.value"} <= names
+
+
+def test_alpha_is_the_slope(mi: Any) -> None:
+    facets = torch.tensor([0.0, 0.1, 0.2, 0.4], dtype=torch.float64)
+    half = torch.stack([facets.sin(), torch.zeros_like(facets), facets.cos()], -1)
+    # Light and viewer on the half vector: with F = 1 what is left of f is D G/(4 cos²).
+    for name in ("beckmann", "ggx"):
+        kind = mi.MicrofacetType.Beckmann if name == "beckmann" else mi.MicrofacetType.GGX
+        theirs = [mi.MicrofacetDistribution(kind, 0.15).eval(mi.Vector3f(h)) for h in half.tolist()]
+        white = CookTorrance(0.0, 1.0, 0.15, fresnel="schlick", f0=1.0, distribution=name)
+        free = Directions(half, half).cos_i[:, 0].square() * 4
+        # V-cavities mask nothing where light and viewer are on the half vector of a facet that is not steep.
+        ours = white(half, half)[:, 0] * free
+        assert theirs == pytest.approx(ours.tolist(), rel=1e-5)
+
+
+def test_the_plugin_beside_a_scene_needs_mitsuba_alone(tmp_path: Path) -> None:
+    plugin = mitsuba.write(GLOSS, tmp_path / "ball.xml").files[1]
+    imports = [line for line in plugin.read_text("utf-8").splitlines() if line.startswith(("import ", "from "))]
+    assert not any("matest" in line for line in imports)
+    assert "matest.export.mitsuba_plugin" not in sys.modules
+
+
+def test_a_scene_may_include_the_file(mi: Any, tmp_path: Path) -> None:
+    mitsuba.write(Lambert(0.5), tmp_path / "ball.xml")
+    scene = '<scene version="3.0.0"><include filename="ball.xml"/><shape type="sphere"><ref id="ball"/></shape></scene>'
+    (tmp_path / "scene.xml").write_text(scene)
+    assert len(mi.load_file(str(tmp_path / "scene.xml")).shapes()) == 1
+
+
+def test_the_file_says_what_it_is(tmp_path: Path) -> None:
+    mitsuba.write(SMITH_GLOSS, tmp_path / "ball.xml")
+    root = ElementTree.fromstring((tmp_path / "ball.xml").read_text("utf-8"))
+    assert root.attrib == {"type": "blendbsdf", "version": "3.0.0", "id": "ball"}
+    remark = "<!-- cook-torrance(masking=smith) by matest; error of the conversion 0.2"
+    assert remark in (tmp_path / "ball.xml").read_text("utf-8")
+
+
+def test_other_channels_than_rgb_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"ball.xml: Mitsuba's RGB has the channels R, G, B, and the material has 5"):
+        mitsuba.write(Lambert([0.1, 0.2, 0.3, 0.4, 0.5]), tmp_path / "ball.xml")
+    assert not list(tmp_path.iterdir())
