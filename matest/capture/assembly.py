@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from matest.capture.camera_file import with_camera
 from matest.capture.description import Description
 from matest.capture.geometry import check_size, visible_surface
 from matest.capture.schema import ImageTable, LightTable
@@ -65,6 +66,7 @@ class Setup:
         saturation_stated: whether the level at which it clips is stated.
         relative: True when the common scale of the lights is unknown.
         names: of the images.
+        notes: on how the files of other programs were read, sentences for the user.
     """
 
     scene: Scene
@@ -74,6 +76,7 @@ class Setup:
     saturation_stated: bool
     relative: bool
     names: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
     def photographs(self, stored: Sequence[np.ndarray], sensor: Sensor) -> Photographs:
         """The photographs with these pixels.
@@ -92,6 +95,7 @@ class Setup:
             noise_stated=self.noise is not None,
             relative=self.relative,
             names=self.names,
+            notes=self.notes,
         )
 
 
@@ -115,6 +119,7 @@ def realise(
     Raises:
         InputError: anything about the files that cannot be used, in one sentence.
     """
+    description, notes = with_camera(description, images.shape)
     tables = description.tables
     surface = visible_surface(description, images.shape, supersampling, precision)
     encoding = _encoding(description, images, surface, transfer)
@@ -127,6 +132,7 @@ def realise(
         saturation_stated=tables.encoding.saturation is not None,
         relative=tables.encoding.radiometry == "relative" or not powers_stated,
         names=description.names,
+        notes=notes,
     )
 
 

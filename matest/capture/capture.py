@@ -163,9 +163,10 @@ def load_capture(
             stored, setup.encoding, setup.scene.surface, setup.noise, clips_as_stated=setup.saturation_stated
         )
     others = [description.path(name, key) for key, name in description.references]
+    said = (*setup.notes, *_sentences(description.names, notes))
     return Capture(
         name=description.name,
-        photographs=replace(setup.photographs(stored, sensor), notes=_sentences(description.names, notes)),
+        photographs=replace(setup.photographs(stored, sensor), notes=said),
         files=tuple(paths),
         folder=description.folder,
         sums={file: sums[file] for file in (*paths, description.file, *others)},

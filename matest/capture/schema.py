@@ -36,6 +36,8 @@ class CameraTable(_Table):
     fov_y: float | None = None
     matrix: tuple[Vector, Vector, Vector] | None = None
     distortion: list[float] = []
+    file: str | None = None  # of another program, instead of all above
+    frame: str | None = None  # the photograph in that file whose camera it is
     wavelength: list[float] | None = None
     resolution: tuple[int, int] | None = None  # scenes: width, height
     supersampling: int = 1  # scenes: rays per pixel and axis
