@@ -61,7 +61,8 @@ class Setup:
     Attributes:
         scene: surface, lights, shadows.
         encoding: from pixels to radiance.
-        exposures: per image.
+        exposures: per image, 1 where the file states none.
+        exposures_stated: whether the file states one.
         noise: of the camera, as the file states it; None where it does not.
         saturation_stated: whether the level at which it clips is stated.
         relative: True when the common scale of the lights is unknown.
@@ -72,11 +73,26 @@ class Setup:
     scene: Scene
     encoding: Encoding
     exposures: tuple[float, ...]
+    exposures_stated: bool
     noise: Noise | None
     saturation_stated: bool
     relative: bool
     names: tuple[str, ...]
     notes: tuple[str, ...] = ()
+
+    def with_exposures(self, files: Sequence[float | None]) -> Setup:
+        """The setup with exposures that all image files state, relative to the first, where it does not state any."""
+        first = files[0]
+        if self.exposures_stated or first is None or None in files:
+            return self
+        exposures = tuple(exposure / first for exposure in files if exposure is not None)
+        if max(exposures) == min(exposures):
+            return self
+        note = (
+            f"Exposures are the nominal ones that the image files state, {min(exposures):.3g} to {max(exposures):.3g} "
+            "of the first image's; state exposure for each [[image]] if they are known better."
+        )
+        return replace(self, exposures=exposures, notes=(*self.notes, note))
 
     def photographs(self, stored: Sequence[np.ndarray], sensor: Sensor) -> Photographs:
         """The photographs with these pixels.
@@ -127,7 +143,8 @@ def realise(
     return Setup(
         scene=_scene(description, surface, images.channels),
         encoding=encoding,
-        exposures=tuple(table.exposure for table in tables.image),
+        exposures=tuple(1.0 if table.exposure is None else table.exposure for table in tables.image),
+        exposures_stated=any(table.exposure is not None for table in tables.image),
         noise=None if tables.noise is None else Noise(tables.noise.read, tables.noise.gain),
         saturation_stated=tables.encoding.saturation is not None,
         relative=tables.encoding.radiometry == "relative" or not powers_stated,

@@ -75,7 +75,7 @@ class LightTable(_Table):
 
 class ImageTable(_Table):
     file: str | None = None
-    exposure: float = 1.0
+    exposure: float | None = None  # 1 where neither this nor the images of the capture say it
     lights: list[LightTable] = []
     ambient: float | list[float] = 0.0
 

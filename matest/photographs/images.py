@@ -27,11 +27,13 @@ class ImageFile:
         pixels: H×W×C, C = 1 or 3, uint8, uint16 or float32; alpha is not multiplied into them.
         coverage: alpha H×W of the same type; None if there is none.
         notes: what was done to the stored values, as clauses that a user should read.
+        exposure: that the file states, proportional to its values; None if none.
     """
 
     pixels: np.ndarray
     coverage: np.ndarray | None = None
     notes: tuple[str, ...] = ()
+    exposure: float | None = None
 
 
 def read_image(path: Path) -> np.ndarray:
@@ -71,7 +73,7 @@ def read_image_file(path: Path) -> ImageFile:
             f"{path}: expected numbers below {LARGEST:g}; {number} NaN, infinity or larger ones. Set {them} to 0 in "
             f"the file and leave {them} out of the mask."
         )
-    return ImageFile(pixels, coverage, raster.notes)
+    return ImageFile(pixels, coverage, raster.notes, raster.exposure)
 
 
 def write_image(path: Path, image: np.ndarray) -> None:

@@ -10,6 +10,7 @@ from matest.photographs.readers.png import read_png
 from matest.photographs.readers.pnm import read_pnm
 from matest.photographs.readers.radiance import read_hdr
 from matest.photographs.readers.raster import Raster, Reader
+from matest.photographs.readers.raw import SUFFIXES, read_raw
 from matest.photographs.readers.tga import read_tga
 from matest.photographs.readers.tiff import read_tiff
 from matest.photographs.readers.webp import read_webp
@@ -29,6 +30,7 @@ READERS: dict[str, Reader] = {
     ".bmp": read_bmp,
     ".tga": read_tga,
     ".webp": read_webp,
+    **dict.fromkeys(SUFFIXES, read_raw),
 }
 
 __all__ = ["READERS", "Raster", "Reader"]
