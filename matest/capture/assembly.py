@@ -30,6 +30,8 @@ from matest.scene.surface import Surface
 _SATURATION = 0.98
 # Smallest saturation that is suggested, fraction of full scale: cameras that fill their codes clip above it.
 _LOWEST_SATURATION = 0.5
+# Largest exponent of the beam of a light: its half width at half maximum is 2°.
+_LARGEST_EXPONENT = 1000.0
 # Wavelengths of light that a camera may have, µm: values in nm lie far above them.
 _WAVELENGTHS = (0.1, 20.0)
 
@@ -281,7 +283,12 @@ def _light(table: LightTable, channels: int, label: str) -> Light:
     position = torch.tensor(table.position, dtype=torch.float64)
     if not bool(torch.isfinite(position).all()):
         raise InputError(f"{label}: position must be finite; got {list(table.position or ())}.")
-    return PointLight(position, power, table.solid_angle)
+    light = PointLight(position, power, table.solid_angle)
+    if table.axis is None:
+        return light
+    axis = unit_direction(list(table.axis), label, "axis must point along the beam")
+    # One with an axis and nothing else is Lambertian.
+    return replace(light, axis=axis, anisotropy=1.0 if table.anisotropy is None else table.anisotropy)
 
 
 def _light_faults(table: LightTable) -> Iterator[Fault]:
@@ -293,6 +300,11 @@ def _light_faults(table: LightTable) -> Iterator[Fault]:
     yield not possible, f"solid_angle must lie between 0 and 4π sr; got {angle}."
     useless = table.radiance is not None and (near or angle is None or table.irradiance is not None)
     yield useless, "radiance goes with direction and solid_angle, and without irradiance."
+    exponent = table.anisotropy
+    yield distant and table.axis is not None, "axis is that of a light with position, not with direction."
+    yield exponent is not None and table.axis is None, "anisotropy goes with axis."
+    possible = exponent is None or 0 <= exponent <= _LARGEST_EXPONENT
+    yield not possible, f"anisotropy must lie between 0 and {_LARGEST_EXPONENT:g} (1: Lambertian); got {exponent}."
 
 
 def _colour(value: float | list[float], channels: int, label: str) -> Tensor:

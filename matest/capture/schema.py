@@ -66,6 +66,8 @@ class LightTable(_Table):
     intensity: float | list[float] | None = None
     radiance: float | list[float] | None = None
     solid_angle: float | None = None
+    axis: Vector | None = None
+    anisotropy: float | None = None
 
     @property
     def power_stated(self) -> bool:
