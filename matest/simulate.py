@@ -269,9 +269,9 @@ def _check_outputs(description: Description, folder: Path, names: list[str]) -> 
 
 
 def _copied(description: Description) -> list[str]:
-    """Files of the geometry that a capture takes from its scene."""
-    geometry = description.tables.geometry
-    return [reference for reference in (geometry.mesh, geometry.positions) if reference is not None]
+    """Files of geometry and camera that a capture takes from its scene."""
+    taken = ("geometry.mesh", "geometry.positions", "camera.file")
+    return [reference for key, reference in description.references if key in taken]
 
 
 def _same(folder: Path, source: Path) -> bool:
@@ -360,7 +360,8 @@ def _capture_table(tables: schema.SceneFile, encoding: Encoding, names: list[str
     if tables.geometry.normals is not None:
         out["geometry"]["normals"] = "normals.exr"
     if tables.camera is not None:
-        camera = msgspec.to_builtins(tables.camera)
+        # A file says everything of the pose.
+        camera = msgspec.to_builtins(tables.camera) if tables.camera.file is None else _changes(tables.camera)
         out["camera"] = {key: v for key, v in camera.items() if v not in (None, []) and key not in _SCENE_KEYS}
     out["encoding"] = _changes(tables.encoding) | {"transfer": encoding.transfer, "scale": encoding.scale}
     if tables.noise is not None and (tables.noise.read or tables.noise.gain):

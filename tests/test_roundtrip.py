@@ -169,3 +169,18 @@ def test_the_answer_does_not_depend_on_the_seed_of_the_search(tmp_path: Path) ->
         pairs = zip(channels(found.value), channels(second.parameters[name].value), channels(found.std), strict=True)
         for one, other, std in pairs:
             assert abs(one - other) < 0.1 * std
+
+
+@pytest.mark.parametrize("anisotropy", [1.0, 12.0])
+def test_leds_that_light_a_part_of_the_object_keep_the_accuracy(anisotropy: float, tmp_path: Path) -> None:
+    geometry = scenes.notched_mesh(tmp_path / "scene")
+    # The last one looks past the object, whose half lies behind it.
+    axes = ([-2.0, -1.5, -3.0], [2.2, -0.5, -2.5], [-0.3, -2.8, -2.2], [1.0, 0.2, 0.0])
+    places = (*NEAR[:3], [0.0, 0.1, 1.6])
+    lamps = [f"position = {p}, axis = {a}, anisotropy = {anisotropy}" for p, a in zip(places, axes, strict=True)]
+    lights = "\n".join(f"[[image]]\nlights = [ {{ {lamp}, intensity = 40.0 }} ]" for lamp in lamps)
+    capture = capture_of(tmp_path, "oren-nayar", geometry, PERSPECTIVE, scenes.noise(), lights)
+    estimate = matest.estimate(capture, "oren-nayar")
+    assert estimate.fit.status == "converged"
+    assert estimate.fit.reduced_chi2 == pytest.approx(1, abs=0.03)
+    assert max(abs(z) for values in deviations(estimate, "oren-nayar").values() for z in values) < 3

@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from matest.capture.camera_file import with_camera
 from matest.capture.description import Description
 from matest.capture.geometry import check_size, visible_surface
 from matest.capture.schema import ImageTable, LightTable
@@ -29,6 +30,8 @@ from matest.scene.surface import Surface
 SATURATION = 0.98
 # Smallest saturation that is suggested, fraction of full scale: cameras that fill their codes clip above it.
 _LOWEST_SATURATION = 0.5
+# Largest exponent of the beam of a light: its half width at half maximum is 2°.
+_LARGEST_EXPONENT = 1000.0
 # Wavelengths of light that a camera may have, µm: values in nm lie far above them.
 _WAVELENGTHS = (0.1, 20.0)
 
@@ -60,20 +63,38 @@ class Setup:
     Attributes:
         scene: surface, lights, shadows.
         encoding: from pixels to radiance.
-        exposures: per image.
+        exposures: per image, 1 where the file states none.
+        exposures_stated: whether the file states one.
         noise: of the camera, as the file states it; None where it does not.
         saturation_stated: whether the level at which it clips is stated.
         relative: True when the common scale of the lights is unknown.
         names: of the images.
+        notes: on how the files of other programs were read, sentences for the user.
     """
 
     scene: Scene
     encoding: Encoding
     exposures: tuple[float, ...]
+    exposures_stated: bool
     noise: Noise | None
     saturation_stated: bool
     relative: bool
     names: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+
+    def with_exposures(self, files: Sequence[float | None]) -> Setup:
+        """The setup with exposures that all image files state, relative to the first, where it does not state any."""
+        first = files[0]
+        if self.exposures_stated or first is None or None in files:
+            return self
+        exposures = tuple(exposure / first for exposure in files if exposure is not None)
+        if max(exposures) == min(exposures):
+            return self
+        note = (
+            f"Exposures are the nominal ones that the image files state, {min(exposures):.3g} to {max(exposures):.3g} "
+            "of the first image's; state exposure for each [[image]] if they are known better."
+        )
+        return replace(self, exposures=exposures, notes=(*self.notes, note))
 
     def photographs(self, stored: Sequence[np.ndarray], sensor: Sensor) -> Photographs:
         """The photographs with these pixels.
@@ -92,6 +113,7 @@ class Setup:
             noise_stated=self.noise is not None,
             relative=self.relative,
             names=self.names,
+            notes=self.notes,
         )
 
 
@@ -115,6 +137,7 @@ def realise(
     Raises:
         InputError: anything about the files that cannot be used, in one sentence.
     """
+    description, notes = with_camera(description, images.shape)
     tables = description.tables
     surface = visible_surface(description, images.shape, supersampling, precision)
     encoding = _encoding(description, images, surface, transfer)
@@ -122,11 +145,13 @@ def realise(
     return Setup(
         scene=_scene(description, surface, images.channels),
         encoding=encoding,
-        exposures=tuple(table.exposure for table in tables.image),
+        exposures=tuple(1.0 if table.exposure is None else table.exposure for table in tables.image),
+        exposures_stated=any(table.exposure is not None for table in tables.image),
         noise=None if tables.noise is None else Noise(tables.noise.read, tables.noise.gain),
         saturation_stated=tables.encoding.saturation is not None,
         relative=tables.encoding.radiometry == "relative" or not powers_stated,
         names=description.names,
+        notes=notes,
     )
 
 
@@ -258,7 +283,12 @@ def _light(table: LightTable, channels: int, label: str) -> Light:
     position = torch.tensor(table.position, dtype=torch.float64)
     if not bool(torch.isfinite(position).all()):
         raise InputError(f"{label}: position must be finite; got {list(table.position or ())}.")
-    return PointLight(position, power, table.solid_angle)
+    light = PointLight(position, power, table.solid_angle)
+    if table.axis is None:
+        return light
+    axis = unit_direction(list(table.axis), label, "axis must point along the beam")
+    # One with an axis and nothing else is Lambertian.
+    return replace(light, axis=axis, anisotropy=1.0 if table.anisotropy is None else table.anisotropy)
 
 
 def _light_faults(table: LightTable) -> Iterator[Fault]:
@@ -270,6 +300,11 @@ def _light_faults(table: LightTable) -> Iterator[Fault]:
     yield not possible, f"solid_angle must lie between 0 and 4π sr; got {angle}."
     useless = table.radiance is not None and (near or angle is None or table.irradiance is not None)
     yield useless, "radiance goes with direction and solid_angle, and without irradiance."
+    exponent = table.anisotropy
+    yield distant and table.axis is not None, "axis is that of a light with position, not with direction."
+    yield exponent is not None and table.axis is None, "anisotropy goes with axis."
+    possible = exponent is None or 0 <= exponent <= _LARGEST_EXPONENT
+    yield not possible, f"anisotropy must lie between 0 and {_LARGEST_EXPONENT:g} (1: Lambertian); got {exponent}."
 
 
 def _colour(value: float | list[float], channels: int, label: str) -> Tensor:

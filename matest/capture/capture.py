@@ -157,15 +157,18 @@ def load_capture(
     with _time(timing, "geometry"), digested(references, sums):
         setup = _setup(description, paths, first, transfer)
     with _time(timing, "read"):
-        stored, notes = _decode(paths, first, setup.scene.surface.pixels, sums, progress)
+        files_read = _decode(paths, first, setup.scene.surface.pixels, sums, progress)
+    stored = tuple(file.pixels for file in files_read)
+    setup = setup.with_exposures([file.exposure for file in files_read])
     with _time(timing, "noise"):
         sensor = sensor_of(
             stored, setup.encoding, setup.scene.surface, setup.noise, clips_as_stated=setup.saturation_stated
         )
     others = [description.path(name, key) for key, name in description.references]
+    said = (*setup.notes, *_sentences(description.names, [file.notes for file in files_read]))
     return Capture(
         name=description.name,
-        photographs=replace(setup.photographs(stored, sensor), notes=_sentences(description.names, notes)),
+        photographs=replace(setup.photographs(stored, sensor), notes=said),
         files=tuple(paths),
         folder=description.folder,
         sums={file: sums[file] for file in (*paths, description.file, *others)},
@@ -203,31 +206,30 @@ def _time(seconds: dict[str, float], step: str) -> Iterator[None]:
 
 def _decode(
     paths: list[Path], first_file: ImageFile, pixels: np.ndarray, sums: dict[Path, str], progress: Progress
-) -> tuple[tuple[np.ndarray, ...], list[tuple[str, ...]]]:
-    """The object's pixels of every image and the notes of its reader; digests of the files are added to `sums`.
+) -> list[ImageFile]:
+    """Every image with the object's pixels [N, C] only; digests of the files are added to `sums`.
 
     Memory holds only a few whole images at once.
     """
     storage = Storage()
     first = first_file.pixels
 
-    def pixels_of(image: np.ndarray) -> np.ndarray:
-        return storage.keep(image.reshape(-1, image.shape[2])[pixels])
+    def kept(file: ImageFile) -> ImageFile:
+        image = file.pixels
+        return replace(file, pixels=storage.keep(image.reshape(-1, image.shape[2])[pixels]), coverage=None)
 
-    def load(path: Path) -> tuple[np.ndarray, tuple[str, ...]] | None:
+    def load(path: Path) -> ImageFile | None:
         with digested([path], sums):
             file = read_image_file(path)
-        image = file.pixels
-        return (pixels_of(image), file.notes) if ImageFormat.of(image) == ImageFormat.of(first) else None
+        return kept(file) if ImageFormat.of(file.pixels) == ImageFormat.of(first) else None
 
-    stored, notes = [pixels_of(first)], [first_file.notes]
+    files = [kept(first_file)]
     for count, loaded in enumerate(in_threads(load, paths[1:]), start=2):
         if loaded is None:
             raise _odd_image(paths)
-        stored.append(loaded[0])
-        notes.append(loaded[1])
+        files.append(loaded)
         progress("reading images", count, len(paths))
-    return tuple(stored), notes
+    return files
 
 
 def _odd_image(paths: list[Path]) -> InputError:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Generic
 
 from matest.capture import schema
+from matest.capture.formats.colmap import model_files
 from matest.capture.schema import File
 from matest.errors import Fault, InputError, errors_of, refuse
 from matest.photographs.images import LARGEST, read_image
@@ -65,7 +66,16 @@ class Description(Generic[File]):
             "encoding.black": tables.encoding.black,
             "encoding.flat": tables.encoding.flat,
         }
-        return [(key, name) for key, name in values.items() if isinstance(name, str)]
+        named = [(key, name) for key, name in values.items() if isinstance(name, str)]
+        return named + [("camera.file", name) for name in self._camera_files]
+
+    @property
+    def _camera_files(self) -> list[str]:
+        """The files that `camera.file` names: itself, or those of the model of COLMAP in that folder."""
+        name = self.tables.camera.file if self.tables.camera is not None else None
+        if name is None or not (self.folder / name).is_dir():
+            return [] if name is None else [name]
+        return [os.path.join(name, file) for file in model_files(self.folder / name)]
 
     def path(self, reference: str, key: str) -> Path:
         """The file that a key of the tables refers to.
@@ -114,6 +124,11 @@ def capture_file(path: str | Path, name: str) -> Path:
     """
     path = Path(path)
     file = path / name if path.is_dir() else path
+    if (path / "transforms.json").is_file() and not file.is_file():
+        raise InputError(
+            f"{path}: transforms.json has the cameras, but nothing says how the photographs are lit; write a {name} "
+            'with [camera] file = "transforms.json", the geometry, and the lights of every image.'
+        )
     if not file.is_file():
         expected = f"expected a folder with a {name}" if path.is_dir() or not path.suffix else "no such file"
         raise InputError(f"{path}: {expected}; check the path.")

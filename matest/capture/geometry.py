@@ -164,7 +164,7 @@ def _circle(view: _View) -> tuple[tuple[float, float], float, Circle | None]:
 
 def _vectors(path: Path, shape: tuple[int, int], content: str) -> np.ndarray:
     """A map of vectors [H, W, 3]; integers encode −1 to 1 as 0 to full scale, and a background of zeros."""
-    image = read_image(path)
+    image = read_image(path, coloured=False)
     if image.shape != (*shape, 3):
         raise InputError(
             f"{path}: {content} must be H×W×3 like the images ({shape[0]}×{shape[1]}×3); got "

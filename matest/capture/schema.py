@@ -36,6 +36,8 @@ class CameraTable(_Table):
     fov_y: float | None = None
     matrix: tuple[Vector, Vector, Vector] | None = None
     distortion: list[float] = []
+    file: str | None = None  # of another program, instead of all above
+    frame: str | None = None  # the photograph in that file whose camera it is
     wavelength: list[float] | None = None
     resolution: tuple[int, int] | None = None  # scenes: width, height
     supersampling: int = 1  # scenes: rays per pixel and axis
@@ -64,6 +66,8 @@ class LightTable(_Table):
     intensity: float | list[float] | None = None
     radiance: float | list[float] | None = None
     solid_angle: float | None = None
+    axis: Vector | None = None
+    anisotropy: float | None = None
 
     @property
     def power_stated(self) -> bool:
@@ -73,7 +77,7 @@ class LightTable(_Table):
 
 class ImageTable(_Table):
     file: str | None = None
-    exposure: float = 1.0
+    exposure: float | None = None  # 1 where neither this nor the images of the capture say it
     lights: list[LightTable] = []
     ambient: float | list[float] = 0.0
 

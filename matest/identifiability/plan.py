@@ -16,6 +16,7 @@ from matest.capture.description import Description, capture_file, describe, imag
 from matest.errors import InputError
 from matest.photographs.noise import Noise
 from matest.photographs.photographs import Photographs
+from matest.photographs.readers import raw
 from matest.photographs.sensor import Sensor
 from matest.progress import Progress, silent
 from matest.samples.uncertainty import Uncertainty
@@ -28,7 +29,10 @@ TYPICAL = Noise(read=1e-3, gain=1e-4)
 # The brightest pixel of a planned photograph whose exposure nobody gave, share of full scale: bright, not clipped.
 _BRIGHTEST = 0.9
 # Pixel types of photographs that do not exist yet, by suffix; all others hold 16 bits.
-_PIXEL_TYPES = {".exr": np.float32, ".hdr": np.float32, ".npy": np.float32, ".jpg": np.uint8, ".jpeg": np.uint8}
+_PIXEL_TYPES: dict[str, type[np.generic]] = {
+    **dict.fromkeys((".exr", ".hdr", ".npy", *raw.SUFFIXES), np.float32),
+    **dict.fromkeys((".jpg", ".jpeg", ".bmp", ".tga", ".webp"), np.uint8),
+}
 
 
 @dataclass(frozen=True)

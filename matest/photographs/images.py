@@ -27,20 +27,26 @@ class ImageFile:
         pixels: H×W×C, C = 1 or 3, uint8, uint16 or float32; alpha is not multiplied into them.
         coverage: alpha H×W of the same type; None if there is none.
         notes: what was done to the stored values, as clauses that a user should read.
+        exposure: that the file states, proportional to its values; None if none.
     """
 
     pixels: np.ndarray
     coverage: np.ndarray | None = None
     notes: tuple[str, ...] = ()
+    exposure: float | None = None
 
 
-def read_image(path: Path) -> np.ndarray:
+def read_image(path: Path, *, coloured: bool = True) -> np.ndarray:
     """The pixels of `read_image_file`."""
-    return read_image_file(path).pixels
+    return read_image_file(path, coloured=coloured).pixels
 
 
-def read_image_file(path: Path) -> ImageFile:
+def read_image_file(path: Path, *, coloured: bool = True) -> ImageFile:
     """An image, the way up that it belongs, with what was done to make it so.
+
+    Args:
+        path: of the file.
+        coloured: whether its channels are colours, which are those of Rec.709 then, not vectors or shares.
 
     Raises:
         InputError: missing, damaged or unreadable, an unsupported format, NaN, infinite or immense values.
@@ -71,7 +77,11 @@ def read_image_file(path: Path) -> ImageFile:
             f"{path}: expected numbers below {LARGEST:g}; {number} NaN, infinity or larger ones. Set {them} to 0 in "
             f"the file and leave {them} out of the mask."
         )
-    return ImageFile(pixels, coverage, raster.notes)
+    notes = raster.notes
+    if coloured and raster.to_rec709 is not None:
+        pixels = (pixels @ raster.to_rec709.T).astype(np.float32)
+        notes = (*notes, "colours of the primaries that the file states are converted to those of Rec.709")
+    return ImageFile(pixels, coverage, notes, raster.exposure)
 
 
 def write_image(path: Path, image: np.ndarray) -> None:
@@ -117,7 +127,7 @@ def read_mask(path: Path) -> np.ndarray:
     It is the alpha channel where alpha differs between pixels, so that a photograph with alpha is its own mask, and
     the brightest channel otherwise.
     """
-    file = read_image_file(path)
+    file = read_image_file(path, coloured=False)
     level = file.pixels.max(axis=2) if file.coverage is None or _constant(file.coverage) else file.coverage
     image = level.astype(np.float32)
     if not image.any():

@@ -12,15 +12,16 @@ mean square of −10…10, and give a parabola 95 % of the precision that the pi
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from matest.samples.merging import Tier
-from matest.scene import Scene
+from matest.scene import Light, PointLight, Scene
 
 # Pixels along the side of a small square: the smallest for which samples at whole pixels keep the mean square.
 SMALL_SIDE = 7
@@ -156,6 +157,13 @@ def _around(steps: Iterable[int], width: int) -> np.ndarray:
     return (along[:, None] * width + along).reshape(-1, 1)
 
 
+def _beams(lights: Iterable[Light], positions: Tensor | None) -> Iterator[Tensor]:
+    """Share of its greatest intensity that each light with an axis sends toward every pixel, [N, 1]."""
+    for light in lights:
+        if isinstance(light, PointLight) and light.axis is not None and positions is not None:
+            yield light.beam(light.at(positions.detach())[0]).float()
+
+
 def _smooth(scene: Scene, pixels: np.ndarray, polynomial: Tensor, rows: Iterable[int]) -> np.ndarray:
     """Squares over which the geometry is a polynomial, bool [m].
 
@@ -178,7 +186,7 @@ def _smooth(scene: Scene, pixels: np.ndarray, polynomial: Tensor, rows: Iterable
         features.append(torch.from_numpy(scene.unoccluded).float()[:, None])
     smooth = np.ones(pixels.shape[1], dtype=bool)
     index, compared = torch.from_numpy(pixels), list(rows)
-    for feature in features:
+    for feature in chain(features, _beams(near, surface.positions)):
         values = feature[index]
         expected = (polynomial.float() @ values.flatten(1)).reshape(len(compared), *values.shape[1:])
         smooth &= ((expected - values[compared]).abs().amax((0, 2)) < _SMOOTH).numpy()

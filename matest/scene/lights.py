@@ -99,17 +99,21 @@ class DirectionalLight:
 
 @dataclass(frozen=True)
 class PointLight:
-    """A near light that radiates evenly.
+    """A near light that radiates evenly, or as a power of the cosine to its axis (an LED).
 
     Args:
         position: in world units, [3].
-        intensity: irradiance at unit distance, [C].
+        intensity: irradiance at unit distance, on the axis of one that has an axis, [C].
         solid_angle: of the source in sr as seen from the target, if known.
+        axis: unit vector along which it radiates most, [3]; nothing is lit behind it. None: evenly.
+        anisotropy: exponent m of the cosine to the axis: 1 of a Lambertian source, greater of a narrower beam.
     """
 
     position: Tensor
     intensity: Tensor
     solid_angle: float | None = None
+    axis: Tensor | None = None
+    anisotropy: float = 1.0
 
     @property
     def near(self) -> bool:
@@ -126,20 +130,33 @@ class PointLight:
             )
         offset = self.position - positions
         squared = (offset * offset).sum(-1, keepdim=True)
-        return offset / squared.sqrt(), self.intensity / squared
+        toward = offset / squared.sqrt()
+        return toward, self.intensity * self.beam(toward) / squared
+
+    def beam(self, toward: Tensor) -> Tensor:
+        """Share of its intensity that it sends where it is seen along unit vectors `toward` [N, 3], [1 or N, 1]."""
+        if self.axis is None:
+            return toward.new_ones(1, 1)
+        cosine = -(toward @ self.axis)[..., None]
+        # The gradient of a power is not finite at 0, where it counts for nothing.
+        ahead = cosine > 0
+        return torch.where(ahead, torch.where(ahead, cosine, 1).pow(self.anisotropy), 0)
 
     def distance(self, positions: Tensor) -> Tensor:
         return (self.position - positions).norm(dim=-1)
 
     @property
     def key(self) -> Hashable:
-        return "near", *self.position.tolist(), *self.intensity.tolist(), self.solid_angle
+        lobe = () if self.axis is None else (*self.axis.tolist(), self.anisotropy)
+        return "near", *self.position.tolist(), *self.intensity.tolist(), self.solid_angle, *lobe
 
     def channel(self, index: int) -> PointLight:
         return replace(self, intensity=self.intensity[index, None])
 
     def to(self, dtype: torch.dtype, device: torch.device | str) -> PointLight:
-        return PointLight(self.position.to(device, dtype), self.intensity.to(device, dtype), self.solid_angle)
+        axis = None if self.axis is None else self.axis.to(device, dtype)
+        position, intensity = self.position.to(device, dtype), self.intensity.to(device, dtype)
+        return replace(self, position=position, intensity=intensity, axis=axis)
 
 
 def sky_at(ambient: Tensor | None, index: slice | Tensor) -> Tensor | None:
@@ -171,8 +188,13 @@ def join_skies(parts: Sequence[Tensor | None], counts: Sequence[int], like: Tens
     )
 
 
-def unit_direction(direction: list[float], label: str) -> Tensor:
+def unit_direction(direction: list[float], label: str, meaning: str = "direction must point to the light") -> Tensor:
     """`direction` normalised.
+
+    Args:
+        direction: x, y, z.
+        label: of the light, for the refusal.
+        meaning: the key and what its vector does.
 
     Raises:
         InputError: zero, NaN or infinite.
@@ -181,7 +203,6 @@ def unit_direction(direction: list[float], label: str) -> Tensor:
     length = float(vector.norm())
     if not math.isfinite(length) or length == 0:
         raise InputError(
-            f"{label}: direction must be a finite vector pointing to the light; got {direction}. Give x, y, z with at "
-            "least one non-zero."
+            f"{label}: {meaning}, a finite vector; got {direction}. Give x, y, z with at least one non-zero."
         )
     return vector / length

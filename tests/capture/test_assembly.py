@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import numpy as np
 import pytest
 import torch
@@ -9,9 +12,11 @@ import torch
 from matest.capture import schema
 from matest.capture.assembly import ImageFormat, realise
 from matest.capture.description import describe
+from matest.photographs.images import write_image
 from matest.photographs.noise import Noise
 from matest.photographs.sensor import Sensor
-from tests.captures import SHAPE, CaptureFolder, encode_as_png, refusal
+from matest.scene import PointLight
+from tests.captures import SHAPE, CaptureFolder, encode_as_png, refusal, sphere_normals
 
 FLOATS = ImageFormat(SHAPE, 3, np.dtype(np.float32))
 
@@ -79,3 +84,49 @@ def test_grey_images_may_be_lit_by_three_equal_numbers(folder: CaptureFolder) ->
     folder.tables["image"][0]["lights"][0]["irradiance"] = [2.0, 2.0, 2.1]
     description = describe(folder.save(), schema.CaptureFile)
     assert "one number or 1" in refusal(lambda: realise(description, ImageFormat(SHAPE, 1, np.dtype(np.float32))))
+
+
+@pytest.fixture
+def lamp(folder: CaptureFolder) -> dict[str, Any]:
+    """The light of the first image, near the sphere."""
+    write_image(folder.path / "normals.exr", sphere_normals())
+    write_image(folder.path / "positions.exr", sphere_normals())
+    folder.tables["geometry"] = {"normals": "normals.exr", "positions": "positions.exr"}
+    light: dict[str, Any] = {"position": [1.0, 0.0, 4.0], "intensity": 20.0}
+    folder.tables["image"][0]["lights"] = [light]
+    return light
+
+
+@pytest.mark.parametrize(("beam", "exponent"), [({}, 1.0), ({"anisotropy": 2.5}, 2.5)])
+def test_a_near_light_with_an_axis_is_an_led(
+    folder: CaptureFolder, lamp: dict[str, Any], beam: dict[str, float], exponent: float
+) -> None:
+    lamp |= {"axis": [0.0, 0.0, -2.0]} | beam
+    capture = folder.load()
+    (light,) = capture.scene.lights[0]
+    assert isinstance(light, PointLight)
+    assert light.axis is not None
+    assert (light.axis.tolist(), light.anisotropy) == ([0.0, 0.0, -1.0], exponent)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"axis": [0.0, 0.0, 0.0]}, "axis must point along the beam"),
+        ({"axis": [0.0, 0.0, math.nan]}, "axis must point along the beam"),
+        ({"anisotropy": 1.0}, "anisotropy goes with axis"),
+        ({"axis": [0.0, 0.0, -1.0], "anisotropy": -1.0}, "between 0 and 1000"),
+        ({"axis": [0.0, 0.0, -1.0], "anisotropy": math.nan}, "between 0 and 1000"),
+        ({"axis": [0.0, 0.0, -1.0], "direction": [0.0, 0.0, 1.0]}, "not with direction"),
+    ],
+    ids=["no axis", "NaN", "no beam", "negative", "NaN exponent", "distant"],
+)
+def test_a_beam_that_makes_no_sense_is_refused(
+    folder: CaptureFolder, lamp: dict[str, Any], change: dict[str, Any], words: str
+) -> None:
+    if "direction" in change:
+        lamp.clear()
+    lamp |= change
+    message = refusal(folder.load)
+    assert message.startswith(f"{folder.file}: image 0, light 0")
+    assert words in message

@@ -64,7 +64,7 @@ def test_what_is_absent_keeps_its_default(file):
     assert tables.camera is None
     assert tables.noise is None
     assert (tables.encoding.transfer, tables.encoding.black, tables.encoding.saturation) == (None, 0.0, None)
-    assert (tables.image[0].exposure, tables.image[0].lights, tables.image[0].ambient) == (1.0, [], 0.0)
+    assert (tables.image[0].exposure, tables.image[0].lights, tables.image[0].ambient) == (None, [], 0.0)
 
 
 @pytest.mark.parametrize(

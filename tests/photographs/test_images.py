@@ -249,7 +249,7 @@ def test_a_missing_file_is_refused(tmp_path):
     assert "no such image" in message
 
 
-@pytest.mark.parametrize("name", ["image.cr2", "image.txt", "image"])
+@pytest.mark.parametrize("name", ["image.xcf", "image.txt", "image"])
 def test_an_unknown_suffix_is_refused_with_the_known_ones(tmp_path, name):
     path = tmp_path / name
     path.write_bytes(b"x")

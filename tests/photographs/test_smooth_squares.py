@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -16,8 +18,10 @@ from matest.photographs.smooth_squares import (
     SMALL_PIXELS,
     SMALL_SHARE,
     SMALL_TO_LARGE,
+    find_squares,
     rows_of_large,
 )
+from tests.captures import point, scene_of, sphere_surface
 
 
 def test_the_four_samples_of_a_small_square_carry_its_bilinear_part() -> None:
@@ -69,3 +73,18 @@ def test_the_nine_samples_of_a_large_square_are_as_precise_as_its_pixels() -> No
         of_pixels = ((x**2 - (x**2).mean()) ** 2).sum()
         of_samples = float((LARGE.shares.numpy() * (y**2 - (x**2).mean()) ** 2).sum())
         assert 0.93 * of_pixels < of_samples < of_pixels
+
+
+def test_squares_are_found_only_where_the_beams_of_leds_are_smooth() -> None:
+    surface = sphere_surface(96)
+    surface = replace(surface, positions=surface.normals)
+    blocks = np.zeros(len(surface), dtype=np.int64)
+    lamp = point((0.5, 0.0, 4.0))
+    beam = replace(lamp, axis=torch.tensor([0.0, 0.0, -1.0], dtype=torch.float64))
+    merged = [
+        find_squares(scene_of(surface, light), blocks).small.shape[1]
+        for light in (lamp, beam, replace(beam, anisotropy=300.0))
+    ]
+    assert merged[0] > 20
+    assert merged[1] == merged[0]
+    assert merged[2] < merged[0]

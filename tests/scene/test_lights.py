@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from matest.scene.lights import unit_direction
+from matest.scene.lights import PointLight, unit_direction
 from tests.captures import directional, point, refusal
 
 
@@ -99,3 +99,50 @@ def test_lights_are_the_same_only_if_everything_stated_of_them_is():
     assert distant.key != directional((0.0, 0.6, 0.8), 2.0).key
     assert lamp.key != point((0.0, 0.6, 0.9), 1.0).key
     assert lamp.key != point((0.0, 0.6, 0.8), 2.0).key
+
+
+def led(axis: tuple[float, ...], anisotropy: float, *intensity: float) -> PointLight:
+    lamp = point((0.0, 0.0, 2.0), *intensity)
+    vector = torch.tensor(axis, dtype=torch.float64)
+    return replace(lamp, axis=vector / vector.norm(), anisotropy=anisotropy)
+
+
+@pytest.mark.parametrize("anisotropy", [0.0, 0.5, 1.0, 3.7, 80.0])
+def test_the_intensity_of_an_led_is_a_power_of_the_cosine_to_its_axis(anisotropy):
+    lamp = led((0.2, -0.1, -1.0), anisotropy, 3.0, 5.0)
+    positions = torch.randn(50, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(1))
+    toward, irradiance = lamp.at(positions)
+    for position, direction, value in zip(positions.tolist(), toward.tolist(), irradiance.tolist(), strict=True):
+        away = [p - q for p, q in zip(position, (0.0, 0.0, 2.0), strict=True)]
+        distance = math.hypot(*away)
+        cosine = sum(a * x for a, x in zip(away, (0.2, -0.1, -1.0), strict=True)) / distance / math.hypot(0.2, 0.1, 1)
+        lobe = cosine**anisotropy if cosine > 0 else 0.0
+        assert value == pytest.approx([3 * lobe / distance**2, 5 * lobe / distance**2], rel=1e-12)
+        assert direction == pytest.approx([-a / distance for a in away], rel=1e-12)
+
+
+def test_an_led_lights_nothing_behind_it_and_has_finite_gradients_there():
+    lamp = led((0.0, 0.0, -1.0), 0.5)
+    positions = torch.tensor([[0.0, 0.0, 3.0], [1.0, 0.0, 2.0], [0.3, 0.0, 0.0]], dtype=torch.float64)
+    positions.requires_grad_()
+    irradiance = lamp.at(positions)[1]
+    assert irradiance[:2].tolist() == [[0.0], [0.0]]
+    irradiance.sum().backward()
+    assert torch.isfinite(positions.grad).all()
+    assert (positions.grad[:2] == 0).all()
+
+
+def test_an_led_stays_one_in_another_type_or_channel():
+    lamp = led((0.0, 0.6, -0.8), 2.0, 3.0, 4.0)
+    direction, irradiance = lamp.at(POSITIONS)
+    torch.testing.assert_close(lamp.channel(1).at(POSITIONS), (direction, irradiance[:, 1:]), rtol=0, atol=0)
+    single = lamp.to(torch.float32, "cpu").at(POSITIONS.float())
+    assert [value.dtype for value in single] == [torch.float32] * 2
+    torch.testing.assert_close(single[1].double(), irradiance, rtol=1e-5, atol=0)
+
+
+def test_leds_are_the_same_only_if_their_beams_are():
+    lamp = led((0.0, 0.6, -0.8), 2.0)
+    assert lamp.key == replace(lamp).key
+    others = (led((0.0, 0.6, -0.9), 2.0), led((0.0, 0.6, -0.8), 3.0), point((0.0, 0.0, 2.0)))
+    assert all(lamp.key != other.key for other in others)

@@ -12,6 +12,7 @@ import numpy as np
 
 from matest.errors import InputError
 from matest.photographs.readers import alpha
+from matest.photographs.readers.chromaticities import to_rec709
 from matest.photographs.readers.raster import Raster, unreadable
 
 # Channels of a picture: colours, else vectors, else grey.
@@ -62,6 +63,7 @@ def read_exr(path: Path) -> Raster:
     try:
         with OpenEXR.File(os.fspath(path), header_only=True) as file:
             names = [channel.name for channel in file.parts[0].header["channels"]]
+            chromaticities = file.parts[0].header.get("chromaticities")
             windows = [file.parts[0].header[key] for key in ("dataWindow", "displayWindow")]
             parts = [part.name() for part in file.parts[1:]]
     except (RuntimeError, ValueError, OSError, KeyError) as error:
@@ -79,7 +81,8 @@ def read_exr(path: Path) -> Raster:
     if data != display:
         pixels = _displayed(path, pixels, data, display)
         notes.append("the data window is padded with 0 and cropped to the display window")
-    return Raster(pixels, tuple(notes))
+    coloured = chromaticities is not None and layer.picture == _COLOURS
+    return Raster(pixels, tuple(notes), to_rec709=to_rec709(path, chromaticities) if coloured else None)
 
 
 def _layers(names: Sequence[str]) -> list[_Layer]:

@@ -19,10 +19,14 @@ class Raster:
         pixels: H×W or H×W×C in RGB order, row 0 at the top; C is 1 or 3, or 2 or 4 where alpha is the last channel.
             Alpha is not multiplied into the other channels. Integers have the full scale of their type.
         notes: what the reader did to the stored values and a user should know, each a clause without a full stop.
+        exposure: that the file states, in units of its own that all files of the format share; None if none.
+        to_rec709: matrix [3, 3] that makes its linear colours those of Rec.709; None if they are already, or vectors.
     """
 
     pixels: np.ndarray
     notes: tuple[str, ...] = ()
+    exposure: float | None = None
+    to_rec709: np.ndarray | None = None
 
 
 Reader = Callable[[Path], Raster]
