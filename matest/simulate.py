@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import re
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -14,13 +13,13 @@ from typing import Any
 
 import msgspec
 import numpy as np
-import tomli_w
 
 from matest.bands import Band, bands
 from matest.brdf import Brdf, model, preset
 from matest.capture import schema
 from matest.capture.assembly import ImageFormat, Setup, realise
 from matest.capture.description import Description, describe, image_channels, image_shape
+from matest.capture.writing import as_toml, changes
 from matest.errors import Fault, InputError, errors_of, refuse
 from matest.estimation.specification import optics, resolve
 from matest.outputs import keep_inputs, whole_files
@@ -183,7 +182,7 @@ def simulate(path: str | Path, out: str | Path | None = None, progress: Progress
         files = ((part / name, pixels) for name, pixels in zip(names, photographs, strict=True))
         one_behind(lambda file: _write(*file), files)
         _write_geometry(scene, part, copies=not _same(folder, file.parent))
-        text = _HEADER.format(scene=file.name) + _toml(_capture_table(tables, camera.encoding, names))
+        text = _HEADER.format(scene=file.name) + as_toml(_capture_table(tables, camera.encoding, names))
         (part / _CAPTURE).write_text(text, "utf-8")
     return folder
 
@@ -356,37 +355,20 @@ def _write_geometry(scene: SimulatedScene, folder: Path, copies: bool) -> None:
 
 def _capture_table(tables: schema.SceneFile, encoding: Encoding, names: list[str]) -> dict[str, Any]:
     """The capture file of a rendered scene: the scene's tables, with transfer, scale and file names of its images."""
-    out: dict[str, Any] = {"mask": "mask.png", "geometry": _changes(tables.geometry)}
+    out: dict[str, Any] = {"mask": "mask.png", "geometry": changes(tables.geometry)}
     if tables.geometry.normals is not None:
         out["geometry"]["normals"] = "normals.exr"
     if tables.camera is not None:
         # A file says everything of the pose.
-        camera = msgspec.to_builtins(tables.camera) if tables.camera.file is None else _changes(tables.camera)
+        camera = msgspec.to_builtins(tables.camera) if tables.camera.file is None else changes(tables.camera)
         out["camera"] = {key: v for key, v in camera.items() if v not in (None, []) and key not in _SCENE_KEYS}
-    out["encoding"] = _changes(tables.encoding) | {"transfer": encoding.transfer, "scale": encoding.scale}
+    out["encoding"] = changes(tables.encoding) | {"transfer": encoding.transfer, "scale": encoding.scale}
     if tables.noise is not None and (tables.noise.read or tables.noise.gain):
         out["noise"] = {"read": tables.noise.read, "gain": tables.noise.gain}
     if tables.uncertainty:
         out["uncertainty"] = tables.uncertainty
-    out["image"] = [_changes(image) | {"file": name} for image, name in zip(tables.image, names, strict=True)]
+    out["image"] = [changes(image) | {"file": name} for image, name in zip(tables.image, names, strict=True)]
     return out
-
-
-def _toml(content: dict[str, Any]) -> str:
-    """TOML with every list of numbers on one line."""
-    text = tomli_w.dumps(content)
-    return re.sub(r"\[\n((?:\s+[-+.\w]+,\n)+)\s*\]", lambda m: f"[{' '.join(m[1].split()).rstrip(',')}]", text)
-
-
-def _changes(table: msgspec.Struct) -> dict[str, Any]:
-    """The keys of a table that differ from their defaults, as plain values."""
-    defaults = {f.name: f.default for f in msgspec.structs.fields(table)}
-    plain = msgspec.to_builtins(table)
-    return {
-        key: [_changes(entry) for entry in getattr(table, key)] if key == "lights" else value
-        for key, value in plain.items()
-        if value is not None and value != defaults[key]
-    }
 
 
 def _write(path: Path, image: np.ndarray) -> None:

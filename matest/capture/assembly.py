@@ -197,10 +197,14 @@ def _encoding(
     table, integer = description.tables.encoding, images.dtype.kind == "u"
     transfer = table.transfer if transfer is None else transfer
     if transfer is None and integer:
-        raise InputError(
-            f"{description.file}: integer images need to say how pixels encode light, and nothing says it; add "
-            'transfer = "linear" (raw, PNG of a linear renderer) or "srgb" (camera JPEG) to [encoding], or give '
+        mend = (
+            'add transfer = "linear" (raw, PNG of a linear renderer) or "srgb" (camera JPEG) to [encoding], or give '
             "--transfer."
+        )
+        if description.layout is not None:
+            mend = "give --transfer linear (raw, PNG of a linear renderer), srgb (camera JPEG) or a gamma."
+        raise InputError(
+            f"{description.file}: integer images need to say how pixels encode light, and nothing says it; {mend}"
         )
     if isinstance(transfer, int | float) and not transfer > 0:
         raise InputError(

@@ -15,8 +15,10 @@ import torch
 
 from matest.capture import schema
 from matest.capture.assembly import ImageFormat, Setup, realise
-from matest.capture.description import Description, capture_file, describe
+from matest.capture.description import Description, capture_sources, describe
 from matest.capture.digests import digested
+from matest.capture.open_conventions import settled
+from matest.capture.understanding import understood
 from matest.errors import InputError
 from matest.photographs.images import ImageFile, read_image, read_image_file
 from matest.photographs.photographs import Photographs
@@ -47,6 +49,8 @@ class Capture:
         sums: SHA-256 of the bytes that were read of every file: images, capture.toml, and the others.
         timing: seconds spent reading images, building geometry and estimating noise.
         uncertainty: of the calibration, as far as capture.toml states it.
+        description: that it was read from, with what the photographs decided; None for one made in memory.
+        understood: how it was read, a clause for each of its conventions.
     """
 
     name: str
@@ -56,6 +60,8 @@ class Capture:
     sums: dict[Path, str] = field(default_factory=dict)
     timing: dict[str, float] = field(default_factory=dict)
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
+    description: Description | None = None
+    understood: dict[str, str] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.photographs)
@@ -127,7 +133,7 @@ def load_capture(
     root: Path | None = None,
     progress: Progress = silent,
 ) -> Capture:
-    """Read a capture: a folder with a `capture.toml`, or that file.
+    """Read a capture: a folder with a `capture.toml`, or that file; or a folder of a layout (`capture.formats`).
 
     Images are decoded once and in parallel; shadows are traced where the object can shadow itself.
 
@@ -141,7 +147,7 @@ def load_capture(
         InputError: anything about the files that cannot be used, in one sentence.
     """
     sums: dict[Path, str] = {}
-    with digested([capture_file(path, "capture.toml")], sums):
+    with digested(capture_sources(path), sums):
         description = describe(path, schema.CaptureFile, root=root)
     files = [table.file for table in description.tables.image]
     if None in files:
@@ -164,17 +170,35 @@ def load_capture(
         sensor = sensor_of(
             stored, setup.encoding, setup.scene.surface, setup.noise, clips_as_stated=setup.saturation_stated
         )
+    said = (
+        *setup.notes,
+        *_notes_of_layout(description),
+        *_sentences(description.names, [file.notes for file in files_read]),
+    )
+    photographs = replace(setup.photographs(stored, sensor), notes=said)
+    with _time(timing, "geometry"):
+        photographs, description = settled(photographs, description)
     others = [description.path(name, key) for key, name in description.references]
-    said = (*setup.notes, *_sentences(description.names, [file.notes for file in files_read]))
     return Capture(
         name=description.name,
-        photographs=replace(setup.photographs(stored, sensor), notes=said),
+        photographs=photographs,
         files=tuple(paths),
         folder=description.folder,
-        sums={file: sums[file] for file in (*paths, description.file, *others)},
+        sums={file: sums[file] for file in (*paths, *description.sources, *others)},
         timing=timing,
         uncertainty=description.uncertainty,
+        description=description,
+        understood=understood(description, photographs),
     )
+
+
+def _notes_of_layout(description: Description) -> tuple[str, ...]:
+    """What is said of a capture that is read from a layout: what that takes for granted, and what was unusual."""
+    content = description.content
+    if content is None:
+        return ()
+    words = f"Read as {description.layout}: {content.axes}; {'; '.join(content.assumptions)}."
+    return words, *content.notes
 
 
 def _setup(

@@ -7,9 +7,10 @@ import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Generic
+from typing import Any, Generic
 
 from matest.capture import schema
+from matest.capture.formats import LAYOUTS, Content, Layout, recognise
 from matest.capture.formats.colmap import model_files
 from matest.capture.schema import File
 from matest.errors import Fault, InputError, errors_of, refuse
@@ -18,6 +19,8 @@ from matest.samples.uncertainty import Uncertainty
 
 # Largest width and height of images that do not exist yet, pixels: a typo must not fill the memory.
 _MAX_SIDE = 16384
+# Name of the file that describes a capture.
+_CAPTURE = "capture.toml"
 
 
 @dataclass(frozen=True)
@@ -29,12 +32,18 @@ class Description(Generic[File]):
         root: folder that contains all files that it may refer to.
         tables: its content, in which every number is possible.
         uncertainty: of what it states, as far as it says.
+        layout: name of the layout that the tables are made from; None where they are a file's own.
+        content: what that layout says.
+        sources: the files that it is read from.
     """
 
     file: Path
     root: Path
     tables: File
     uncertainty: Uncertainty
+    layout: str | None = None
+    content: Content | None = None
+    sources: tuple[Path, ...] = ()
 
     @property
     def folder(self) -> Path:
@@ -95,7 +104,7 @@ class Description(Generic[File]):
 
 
 def describe(path: str | Path, kind: type[File], *, root: Path | None = None) -> Description[File]:
-    """Read a capture or scene file.
+    """Read a capture or scene file, or for a capture the files of a layout.
 
     Args:
         path: the file, or the folder that holds it.
@@ -106,14 +115,44 @@ def describe(path: str | Path, kind: type[File], *, root: Path | None = None) ->
         InputError: no such file, an unknown key, an impossible value, or no image.
     """
     scene = issubclass(kind, schema.SceneFile)
-    file = capture_file(path, "scene.toml" if scene else "capture.toml")
-    tables = schema.read(file, kind)
+    laid_out = None if scene else layout_of(path)
+    if laid_out is None:
+        sources: tuple[Path, ...] = (capture_file(path, "scene.toml" if scene else _CAPTURE),)
+        layout, content = None, None
+        tables: Any = schema.read(sources[0], kind)
+    else:
+        layout, sources = laid_out[0].name, laid_out[1]
+        content = laid_out[0].read(sources)
+        tables = content.tables
+    file = sources[0]
     if not tables.image:
         raise InputError(f"{file}: expected at least one [[image]]{' with lights' if scene else ''}; got none.")
     refuse(file, _faults(tables))
     with errors_of(f"{file}: [uncertainty]"):
         uncertainty = Uncertainty.of(tables.uncertainty)
-    return Description(file, (root or file.parent).absolute(), tables, uncertainty)
+    return Description(file, (root or file.parent).absolute(), tables, uncertainty, layout, content, sources)
+
+
+def layout_of(path: str | Path) -> tuple[Layout, tuple[Path, ...]] | None:
+    """The layout that a folder without capture.toml is of, or that a file is of, and its files; None: of none.
+
+    Raises:
+        InputError: see `formats.recognise`.
+    """
+    path = Path(path)
+    if not path.exists() or _is_toml(path) or (path / _CAPTURE).is_file():
+        return None
+    return recognise(path)
+
+
+def capture_sources(path: str | Path) -> tuple[Path, ...]:
+    """The files that a capture is described by: its capture.toml, or else those of a layout; errors name the first.
+
+    Raises:
+        InputError: there are none.
+    """
+    laid_out = layout_of(path)
+    return (capture_file(path, _CAPTURE),) if laid_out is None else laid_out[1]
 
 
 def capture_file(path: str | Path, name: str) -> Path:
@@ -130,13 +169,18 @@ def capture_file(path: str | Path, name: str) -> Path:
             'with [camera] file = "transforms.json", the geometry, and the lights of every image.'
         )
     if not file.is_file():
-        expected = f"expected a folder with a {name}" if path.is_dir() or not path.suffix else "no such file"
+        signs = f", or with {', '.join(layout.signs for layout in LAYOUTS)}" if name == _CAPTURE else ""
+        expected = f"expected a folder with a {name}{signs}" if path.is_dir() or not path.suffix else "no such file"
         raise InputError(f"{path}: {expected}; check the path.")
     if file.suffix.lower() != ".toml":
         raise InputError(
             f"{path}: expected a folder or its {name}; got a {file.suffix or 'nameless'} file. Give the folder."
         )
     return file
+
+
+def _is_toml(path: Path) -> bool:
+    return path.suffix.lower() == ".toml"
 
 
 def image_shape(description: Description) -> tuple[int, int]:
@@ -185,6 +229,12 @@ def _faults(tables: schema.CaptureFile) -> Iterator[Fault]:
     """Numbers that make no sense whatever else the file says."""
     radius, camera, scale, noise = tables.geometry.radius, tables.camera, tables.encoding.scale, tables.noise
     yield not _positive(radius), f"geometry.radius must be positive pixels; got {radius}."
+    width, geometry = tables.geometry.width, tables.geometry
+    yield not _positive(width), f"geometry.width must be positive world units; got {width}."
+    near = camera is not None and camera.kind == "perspective"
+    flat = geometry.normals is not None and geometry.positions is None and not near
+    sentence = "geometry.width goes with normals seen by a distant viewer, and without positions; leave it out."
+    yield width is not None and not flat, sentence
     if camera is not None:
         yield not _positive(camera.height), f"camera.height must be positive world units; got {camera.height}."
         possible = camera.fov_y is None or 0 < camera.fov_y < math.pi

@@ -108,9 +108,10 @@ def _camera_faults(table: CameraTable) -> Iterator[Fault]:
 def _of_mesh(view: _View) -> Surface:
     camera, description = view.camera, view.description
     if camera is None or (camera.orthographic and camera.height is None):
+        place = "" if description.layout is None else "; 'matest init' writes a capture.toml to put it in"
         raise InputError(
             f"{description.file}: a mesh needs a [camera] with position, target and height (orthographic), fov_y or "
-            "matrix."
+            f"matrix{place}."
         )
     path = description.path(description.tables.geometry.mesh or "", "geometry.mesh")
     mesh = Mesh.load(path)
@@ -125,6 +126,8 @@ def _of_normals(view: _View) -> Surface:
     if geometry.positions is not None:
         positions_path = view.description.path(geometry.positions, "geometry.positions")
         positions = _vectors(positions_path, view.shape, "positions")
+    elif geometry.width is not None:
+        positions = _plane(view.shape, geometry.width)
     surface = from_normals(normals, view.camera, view.mask, positions, view.precision)
     if not len(surface):
         raise InputError(f"{path}: no pixel has a normal that faces the viewer; z must point toward the viewer.")
@@ -173,6 +176,13 @@ def _vectors(path: Path, shape: tuple[int, int], content: str) -> np.ndarray:
     if image.dtype.kind == "f":
         return image
     return np.where(image.any(axis=2, keepdims=True), image / (full_scale(image.dtype) / 2) - 1, 0.0)
+
+
+def _plane(shape: tuple[int, int], width: float) -> np.ndarray:
+    """Positions [H, W, 3] of the pixel centres on the plane z = 0, the origin at the image's centre."""
+    rows, columns = np.indices(shape) + 0.5
+    scale = width / shape[1]
+    return np.stack([scale * (columns - shape[1] / 2), scale * (shape[0] / 2 - rows), np.zeros(shape)], axis=-1)
 
 
 # Makers of the surface by the key of [geometry] that names it.

@@ -22,6 +22,7 @@ class GeometryTable(_Table):
     mesh: str | None = None
     normals: str | None = None
     positions: str | None = None
+    width: float | None = None  # with normals alone: world units across the image of a surface in the plane z = 0
     shape: Literal["sphere"] | None = None
     centre: tuple[float, float] | None = None
     radius: float | None = None

@@ -6,6 +6,7 @@ The file of a command has a function of the same name, whose signature and docst
 
 # In the order of `matest --help`.
 COMMANDS = (
+    "init",
     "lights",
     "check",
     "estimate",

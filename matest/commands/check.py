@@ -14,7 +14,7 @@ EXAMPLE = "matest check renders/vase --model oren-nayar --at sigma=0.5"
 
 
 def check(
-    capture: Annotated[Path, typer.Argument(metavar="CAPTURE", help="Folder with a capture.toml, or a scene.toml.")],
+    capture: Annotated[Path, typer.Argument(metavar="CAPTURE", help="As for estimate, or a scene.toml.")],
     model: Annotated[
         str | None,
         typer.Option(
@@ -38,7 +38,7 @@ def check(
     uncertainty: arguments.UncertaintyOf = None,
     as_json: arguments.Json = False,
 ) -> None:
-    """Say before any fit what images can tell of a model.
+    """Say before any fit how a capture is understood and what its images can tell of a model.
 
     The standard error that each parameter will get, predicted from geometry, lights, noise and what is stated of the
     calibration; what stays undetermined, and why; what errors of the calibration would do, and which limits what; and

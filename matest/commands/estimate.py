@@ -21,7 +21,9 @@ EXAMPLE = "matest estimate renders/vase --model oren-nayar"
 
 
 def estimate(
-    captures: Annotated[list[Path], typer.Argument(metavar="CAPTURE...", help="Folders with a capture.toml.")],
+    captures: Annotated[
+        list[Path], typer.Argument(metavar="CAPTURE...", help="Folders with a capture.toml, or of DiLiGenT or RTI.")
+    ],
     out: arguments.Out = None,
     model: arguments.Model = "auto",
     fix: arguments.Fix = None,
@@ -61,7 +63,7 @@ def estimate(
     material.json, report.html, profile.csv and pictures.
     """
     from matest import batch
-    from matest.capture.description import capture_file
+    from matest.capture.description import capture_sources
     from matest.estimation.specification import check_options
     from matest.report.folder import check_destination
 
@@ -75,7 +77,7 @@ def estimate(
     check_options(options)
     jobs = batch.jobs(captures, out, options, " ".join(["matest", *sys.argv[1:]]), pictures)
     if len(captures) == 1:
-        capture_file(captures[0], "capture.toml")
+        capture_sources(captures[0])
     for job in jobs:
         check_destination(job.out, "result.json")
     outcomes = []

@@ -50,6 +50,7 @@ class Check:
         calibration: what errors of the calibration do, by family, the largest effect first; those that nobody states
             would do it if there were any.
         limits: what limits the parameters whose error bars are mostly due to stated errors, at most three.
+        understood: how the files were read, a clause for each convention: axes, transfer, units, lights, scale.
     """
 
     capture: str
@@ -65,6 +66,7 @@ class Check:
     warnings: list[str]
     calibration: dict[str, CalibrationError]
     limits: list[CalibrationLimit]
+    understood: dict[str, str]
 
     def to_dict(self) -> dict[str, Any]:
         """The content of `matest check --json`."""
@@ -145,6 +147,7 @@ def check_with(plan: Plan, options: Options, at: Mapping[str, Value], progress: 
         warnings=[*_misreading(plan, progress), *_warnings(plan, options, samples)],
         calibration=errors.by_family,
         limits=errors.limits,
+        understood=plan.understood,
     )
 
 

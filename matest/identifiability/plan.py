@@ -12,7 +12,8 @@ import numpy as np
 from matest.brdf import Brdf
 from matest.capture import Capture, load_capture, schema
 from matest.capture.assembly import ImageFormat, realise
-from matest.capture.description import Description, capture_file, describe, image_channels, image_shape
+from matest.capture.description import Description, capture_file, capture_sources, describe, image_channels, image_shape
+from matest.capture.understanding import understood
 from matest.errors import InputError
 from matest.photographs.noise import Noise
 from matest.photographs.photographs import Photographs
@@ -47,6 +48,7 @@ class Plan:
         noise_source: where the noise comes from, as a clause.
         uncertainty: of the calibration, as far as the plan states it.
         taken: whether the photographs exist.
+        understood: how the files were read, a clause for each convention.
     """
 
     name: str
@@ -56,11 +58,18 @@ class Plan:
     noise_source: str = "as the capture states it"
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
     taken: bool = False
+    understood: dict[str, str] = field(default_factory=dict)
 
     @classmethod
     def of(cls, capture: Capture) -> Plan:
         """The plan of a capture whose photographs exist."""
-        plan = cls(capture.name, capture.photographs, uncertainty=capture.stated_uncertainty, taken=True)
+        plan = cls(
+            capture.name,
+            capture.photographs,
+            uncertainty=capture.stated_uncertainty,
+            taken=True,
+            understood=capture.understood,
+        )
         return plan if plan.photographs.noise_stated else replace(plan, noise_source="estimated from the images")
 
     def with_noise(self, read: float, gain: float, source: str = "as given") -> Plan:
@@ -92,7 +101,7 @@ def load_plan(path: str | Path, *, transfer: str | float | None = None, progress
     """
     path = Path(path)
     is_scene = (path / "scene.toml").is_file() and not (path / "capture.toml").is_file()
-    file = capture_file(path, "scene.toml" if is_scene else "capture.toml")
+    file = capture_file(path, "scene.toml") if is_scene else capture_sources(path)[0]
     if is_scene or _has_material(file):
         simulated = describe(file, schema.SceneFile)
         material = material_of(simulated.tables.material, str(file))
@@ -145,7 +154,14 @@ def _planned(
     photographs = setup.photographs((pixels,) * len(setup.exposures), Sensor(setup.encoding, noise))
     exposed = table.scale is not None or images.dtype.kind == "f"
     source = "as the file states it" if stated_noise else "that of a typical camera, as none is stated"
-    plan = Plan(description.name, photographs, material, exposed, uncertainty=description.uncertainty)
+    plan = Plan(
+        description.name,
+        photographs,
+        material,
+        exposed,
+        uncertainty=description.uncertainty,
+        understood=understood(description, photographs),
+    )
     return plan.with_noise(noise.read, noise.gain, source)
 
 

@@ -23,7 +23,7 @@ _NOTHING = 1e-4
 
 
 def check_report(check: Check) -> Group:
-    """Predicted error bars, reasons, errors of the calibration, the light that would help most, and the basis of it."""
+    """How the files were read, predicted error bars and why, errors of the calibration, the best light, the basis."""
     reasons = [
         in_colour(f"{name} ({prediction.status}): {prediction.reason}.", prediction.status)
         for name, prediction in check.parameters.items()
@@ -32,8 +32,23 @@ def check_report(check: Check) -> Group:
     warnings = [Text(f"Note: {warning}", style="yellow") for warning in check.warnings]
     limits = [Text(_limit(limit)) for limit in check.limits]
     return Group(
-        _predictions(check), *reasons, *limits, *_calibration(check), *_light(check), *_basis(check), *warnings
+        *([understanding_table(check.capture, check.understood)] if check.understood else []),
+        _predictions(check),
+        *reasons,
+        *limits,
+        *_calibration(check),
+        *_light(check),
+        *_basis(check),
+        *warnings,
     )
+
+
+def understanding_table(capture: str, understood: dict[str, str]) -> Table:
+    """How the files of a capture were read, a line for each convention."""
+    table = plain_table(Column("what", no_wrap=True), "as understood", title=f"{capture}: how it is read")
+    for topic, words in understood.items():
+        table.add_row(topic, words)
+    return table
 
 
 def _predictions(check: Check) -> Table:

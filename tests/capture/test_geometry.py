@@ -47,6 +47,17 @@ def test_every_kind_of_geometry_shows_the_same_sphere(folder: CaptureFolder, kin
     assert np.sqrt(np.square(difference).sum(-1).mean()) < 0.05
 
 
+def test_a_normal_map_of_a_stated_width_lies_in_a_plane(folder: CaptureFolder) -> None:
+    np.save(folder.path / "normals.npy", sphere_normals().astype(np.float32))
+    folder.tables["geometry"] = {"normals": "normals.npy", "width": 12.0}
+    surface = visible_surface(describe(folder.save(), schema.CaptureFile), SHAPE)
+    rows, columns = np.divmod(surface.pixels, SHAPE[1])
+    pixel = 12.0 / SHAPE[1]
+    expected = [pixel * (columns + 0.5 - SHAPE[1] / 2), pixel * (SHAPE[0] / 2 - rows - 0.5), 0 * rows]
+    assert surface.positions is not None
+    np.testing.assert_allclose(surface.positions.numpy().T, expected, atol=1e-12)
+
+
 def test_integers_encode_normals_and_a_background_of_zeros(folder: CaptureFolder) -> None:
     normals = sphere_normals()
     codes = np.where(normals.any(axis=2, keepdims=True), np.round((normals + 1) / 2 * 65535), 0).astype(np.uint16)

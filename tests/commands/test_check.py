@@ -49,6 +49,14 @@ def test_photographs_not_yet_taken_are_checked(run: Run, planned: Path) -> None:
     assert max(len(line) for line in out.splitlines()) <= 80
 
 
+def test_a_check_begins_with_how_the_files_are_read(run: Run, planned: Path) -> None:
+    out = run(planned, "--model", "oren-nayar")[1]
+    assert out.index("how it is read") < out.index("standard error")
+    understood = json.loads(run(planned, "--model", "oren-nayar", "--json")[1])["understood"]
+    assert understood["read from"] == "capture.toml"
+    assert {"axes", "transfer", "units", "lights", "scale"} < {*understood}
+
+
 def test_a_check_without_a_model_says_which_one_it_takes(run: Run, planned: Path) -> None:
     out = run(planned)[1]
     assert "No model was named: oren-nayar+cook-torrance is the largest" in " ".join(out.split())

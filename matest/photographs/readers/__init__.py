@@ -6,6 +6,7 @@ from matest.photographs.readers.bmp import read_bmp
 from matest.photographs.readers.exr import read_exr
 from matest.photographs.readers.jpeg import read_jpeg
 from matest.photographs.readers.jpeg2000 import read_jpeg2000
+from matest.photographs.readers.mat import read_mat
 from matest.photographs.readers.npy import read_npy
 from matest.photographs.readers.png import read_png
 from matest.photographs.readers.pnm import read_pnm
@@ -26,6 +27,7 @@ READERS: dict[str, Reader] = {
     ".exr": read_exr,
     ".hdr": read_hdr,
     ".npy": read_npy,
+    ".mat": read_mat,
     ".pgm": read_pnm,
     ".ppm": read_pnm,
     ".bmp": read_bmp,

@@ -1,0 +1,43 @@
+"""MATLAB's arrays, as SciPy writes them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+
+from matest.photographs.images import read_image
+from matest.photographs.readers.mat import read_mat
+from tests.captures import refusal
+
+
+def test_the_array_of_a_file_is_read_as_it_is(tmp_path: Path, rng: np.random.Generator) -> None:
+    file, image = tmp_path / "normals.mat", rng.normal(size=(5, 4, 3))
+    scipy.io.savemat(file, {"Normal_gt": image, "scale": 2.0, "name": "cat"})
+    np.testing.assert_array_equal(read_mat(file).pixels, image)
+    np.testing.assert_array_equal(read_image(file), image.astype(np.float32))
+
+
+@pytest.mark.parametrize("content", [{}, {"a": np.ones((3, 3)), "b": np.ones((3, 3, 3))}, {"a": 1.0}])
+def test_a_file_without_one_image_is_refused(tmp_path: Path, content: dict[str, object]) -> None:
+    file = tmp_path / "normals.mat"
+    scipy.io.savemat(file, content)
+    message = refusal(lambda: read_mat(file))
+    assert "expected one array" in message
+    assert ("a, b" in message) == (len(content) == 2)
+
+
+def test_a_file_of_version_7_3_says_how_to_save_it(tmp_path: Path) -> None:
+    file = tmp_path / "normals.mat"
+    file.write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512, b"\0"))
+    assert "'-v7'" in refusal(lambda: read_mat(file))
+
+
+@pytest.mark.parametrize("size", [0, 40, 200, 400])
+def test_a_damaged_file_is_refused(tmp_path: Path, size: int) -> None:
+    file = tmp_path / "normals.mat"
+    scipy.io.savemat(file, {"Normal_gt": np.ones((5, 4, 3))})
+    file.write_bytes(file.read_bytes()[:size])
+    assert str(file) in refusal(lambda: read_mat(file))
