@@ -17,9 +17,10 @@ from matest.estimation.parameter_map import ParameterMap, TexelStatus, with_maps
 from matest.estimators import Problem, Solution, Statistics
 from matest.estimators.calibrated import body_albedos
 from matest.estimators.moments import SCORES
-from matest.estimators.texels.maps import MapFit, fit_maps
-from matest.inference.budget import Budget
-from matest.inference.map_calibration import over_all
+from matest.estimators.texels.maps import MISFIT_CHI2, MapFit, fit_maps
+from matest.inference.budget import SAMPLES, Budget
+from matest.inference.map_calibration import MapBudget, over_all
+from matest.inference.map_jackknife import FEWEST_IMAGES, map_jackknife
 from matest.inference.quantities import ParameterEstimate
 from matest.progress import Progress
 from matest.samples.account import CalibratedSamples
@@ -107,14 +108,26 @@ def fit_with_maps(
         problem, solution.unknowns, [name for name in problem.free if name in names], few, tiles, samples.texels,
         regions=options.regions, seed=options.seed, progress=progress,
     )  # fmt: skip
+    further = _further_errors(fit, samples, options, stated)
     std, means, budget = fit.std, fit.mean_std, None
-    errors = Calibration.of(options, stated, samples, problem).map_budget(fit, samples, options.seed)
-    if errors is not None:
-        budget, means = errors.common, torch.hypot(means, errors.means)
+    if further:
+        # What errors of the calibration do to residuals the scatter between photographs has too: the larger counts.
         places = np.stack(np.divmod(surface.pixels, surface.shape[1]), axis=1)
-        std = torch.hypot(std, over_all(errors, places).to(std) * fit.theta.abs())
+        relative = torch.stack([over_all(errors, places) for errors in further]).amax(0).to(std)
+        std = torch.hypot(std, relative * fit.theta.abs())
+        means = torch.hypot(means, torch.stack([errors.means for errors in further]).amax(0))
+        budget = max(further, key=lambda errors: float(errors.means.sum())).common
     maps = {name: _map(name, fit, std) for name in fit.texels.mapped}
     return Mapped(_in_common(fit, maps, solution), maps, fit, means, budget)
+
+
+def _further_errors(fit: MapFit, samples: CalibratedSamples, options: Options, stated: Uncertainty) -> list[MapBudget]:
+    """What adds to the noise: errors of the calibration that are stated, and what the model misses."""
+    calibration = Calibration.of(options, stated, samples, fit.texels.problem)
+    further = [calibration.map_budget(fit, samples, options.seed)]
+    if fit.chi2 > MISFIT_CHI2 and samples.groups.images >= FEWEST_IMAGES:
+        further.append(map_jackknife(fit, samples, SAMPLES // samples.groups.images, options.seed))
+    return [errors for errors in further if errors is not None]
 
 
 def mapped_names(problem: Problem, word: str) -> list[str]:

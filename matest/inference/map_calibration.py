@@ -90,7 +90,10 @@ def map_budget(
         means += (spread * move.double().mean(-1)).square()
         scatters[name] += spread**2 * score[:, None] * score
     relative = total.sqrt() / theta.abs().clamp(min=_TINY)
-    return MapBudget(tile.texels, relative, means.sqrt(), Budget(inside.information, scatters))
+    # As if all texels had said so.
+    turn = fit.information @ inverse
+    scatters = {name: turn @ scatter @ turn.T for name, scatter in scatters.items()}
+    return MapBudget(tile.texels, relative, means.sqrt(), Budget(fit.information, scatters))
 
 
 def _gradient(fit: MapFit, here: TileFit, change: Tensor) -> Tensor:

@@ -33,7 +33,7 @@ def deviations(estimate: Estimate) -> torch.Tensor:
     ],
 )
 def test_intervals_hold_the_truth_where_the_error_is_stated(error: off.Error, stated: dict[str, float]) -> None:
-    share, without, sigmas = [], [], []
+    share, sigmas = [], []
     for seed in range(3):
         capture = capture_of(error, seed)
         told, plain = (matest.estimate(capture, "oren-nayar", maps="albedo", uncertainty=each) for each in (stated, {}))

@@ -22,7 +22,7 @@ from matest.estimators.texels.elimination import CommonSums, Elimination
 from matest.estimators.texels.fit import TexelFitter, TileFit
 from matest.estimators.texels.regions import Regions
 from matest.estimators.texels.some import Knowledge, descend, regions_of, step
-from matest.estimators.texels.trust import Reliable, ambiguous, totals, variance_among_trials
+from matest.estimators.texels.trust import Reliable, ambiguous, least_information, totals, variance_among_trials
 from matest.estimators.texels.unknowns import TexelUnknowns
 from matest.estimators.unknowns import Problem
 from matest.progress import Progress, silent
@@ -34,6 +34,8 @@ from matest.workers import in_groups, single_threaded_torch
 _PASSES = 3
 # Standard errors that some texels state of the parameters in common, up to which texels follow a step linearly.
 _LINEAR = 5.0
+# χ² per degree of freedom above which a texel's shape has to be told by more than one photograph.
+MISFIT_CHI2 = 1.5
 # Uncertainty of a correction for curvature, relative to it: it is right to second order.
 _CURVATURE_ERROR = 0.25
 
@@ -234,6 +236,10 @@ def _shared(fitter: TexelFitter, fit: TileFit, known: Knowledge) -> _SharedFit:
         if fit.trials is not None and some is is_shape:
             untold |= some[:, None] & ambiguous(fit, std, inflation)
             counted = Reliable.of(fitter, fit, elimination, inflation, known.limit).counted
+            if inflation > MISFIT_CHI2:
+                # A lobe that one photograph alone tells may be what the model lacks there.
+                without_one = (inflation * least_information(fitter, fit)).sqrt()
+                untold |= some[:, None] & (without_one > limits)
         own &= ~untold
         if places := untold.any(0).nonzero()[:, 0].tolist():
             fit = fitter.with_prior(fit, regions.prior(labels, own), torch.tensor(places))

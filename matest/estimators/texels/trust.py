@@ -11,6 +11,7 @@ from matest.estimators.moments import SCORES, score_sums
 from matest.estimators.texels.elimination import Elimination
 from matest.estimators.texels.fit import TexelFitter, TileFit
 from matest.estimators.texels.small_systems import Factored
+from matest.estimators.texels.sums import TexelGram
 from matest.samples.likelihood import LeastSquares
 from matest.samples.texels import TexelTile
 
@@ -62,13 +63,28 @@ def ambiguous(fit: TileFit, std: Tensor, inflation: float) -> Tensor:
     return (is_likely[:, None] & far).any(0)
 
 
+def least_information(fitter: TexelFitter, fit: TileFit) -> Tensor:
+    """Variances of θ without the photograph that tells most of it, in units of the noise [T, n]."""
+    rows, tile, problem = fitter.texels.rows, fit.tile, fit.problem
+    columns = problem.model.columns(tile, fit.theta) if problem.columns is None else problem.columns
+    at = problem.model.coefficients(fit.theta.repeat(1, tile.images), {row.name for row in rows})
+    by_image = TexelGram.of(columns, problem.squares, at.total, 1).normal(at, rows).information
+    by_image = by_image.unflatten(-1, (tile.images, -1))
+    rest = by_image.sum(2, keepdim=True) - by_image
+    rest.diagonal()[:] += fit.prior.precision.permute(1, 0).unsqueeze(0).expand(tile.images, -1, -1)
+    variances = Factored.of(rest.flatten(2)).inverse().diagonal().T
+    return variances.unflatten(-1, (tile.images, -1)).amax(1)
+
+
 def variance_among_trials(fit: TileFit, inflation: float) -> Tensor:
     """Mean squared distance of likely values from θ, in units of the noise [T, n]: of those that were tried."""
     assert fit.trials is not None
     off = fit.trials.theta - fit.theta
     before = ((fit.trials.theta - fit.prior.mean).square() * fit.prior.precision).sum(1)
-    likely = torch.exp(-0.5 * (fit.trials.cost.clamp(min=0) + before) / inflation)
-    here = torch.exp(-0.5 * ((fit.theta - fit.prior.mean).square() * fit.prior.precision).sum(0) / inflation)
+    here = ((fit.theta - fit.prior.mean).square() * fit.prior.precision).sum(0)
+    lower = (here - fit.trials.cost.clamp(min=0) - before) / (2 * inflation)
+    largest = lower.amax(0).clamp(min=0)
+    likely, here = torch.exp(lower - largest), torch.exp(-largest)
     return (likely[:, None] * off.square()).sum(0) / (likely.sum(0) + here) / inflation
 
 

@@ -1,0 +1,75 @@
+"""Error bars of maps where the model does not hold: how they move when one photograph is left out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import torch
+
+from matest.estimators.covariance import fisher
+from matest.estimators.texels.fit import TexelFitter, TileFit
+from matest.estimators.texels.maps import MapFit
+from matest.estimators.texels.small_systems import Factored
+from matest.estimators.texels.sums import TexelGram, TexelNormal
+from matest.inference.budget import Budget
+from matest.inference.map_calibration import MapBudget
+from matest.samples.account import CalibratedSamples
+from matest.workers import single_threaded_torch
+
+# Name of what residuals add, among errors of the calibration.
+MISFIT = "misfit"
+# Photographs that a jackknife needs.
+FEWEST_IMAGES = 3
+# Least size of a value that errors are relative to.
+_TINY = 1e-9
+
+
+@single_threaded_torch()
+@torch.no_grad()
+def map_jackknife(fit: MapFit, samples: CalibratedSamples, count: int, seed: int) -> MapBudget:
+    """How maps and what is in common scatter with the photographs, by one step without each of them.
+
+    Args:
+        fit: of the maps.
+        samples: that were fitted, of at least three photographs.
+        count: of texels that say so.
+        seed: of the choice of these.
+    """
+    tile = samples.some_texels(count, seed)
+    tile = tile.some((~fit.theta[0, tile.texels].isnan()).nonzero()[:, 0])
+    theta = fit.theta[:, tile.texels]
+    fitter = TexelFitter(fit.texels, fit.unknowns, fit.residual_scale)
+    here = replace(fitter.fit(tile, fit.regions.weak_prior(len(tile))), theta=theta)
+    size, images = len(theta), tile.images
+    by_image = _by_image(fit, here)
+    moves, steps = [], []
+    for image in range(images):
+        information = by_image.information.sum(2) - by_image.information[:, :, image]
+        gradient = by_image.gradient.sum(1) - by_image.gradient[:, image]
+        own = information[:size, :size].clone()
+        own.diagonal().add_(here.prior.precision.T)
+        factored = Factored.of(own)
+        first = factored.solve(gradient[:size])
+        follow = -factored.solve(information[:size, size:]) if len(gradient) > size else information[:size, size:]
+        common = (information[size:, size:] + (information[size:, :size, None] * follow[None]).sum(1)).sum(-1).double()
+        score = (gradient[size:] + (follow * gradient[:size, None]).sum(0)).sum(-1).double()
+        step = fisher(common, torch.ones(len(score), dtype=torch.bool)).matrix @ score
+        steps.append(step)
+        moves.append(first + torch.einsum("tsn,s->tn", follow, step.to(follow)))
+    factor = (images - 1) / images
+    every, common_steps = torch.stack(moves), torch.stack(steps)
+    every, common_steps = every - every.mean(0), common_steps - common_steps.mean(0)
+    relative = (factor * every.square().sum(0)).sqrt() / theta.abs().clamp(min=_TINY)
+    means = (factor * every.double().mean(-1).square().sum(0)).sqrt()
+    scatter = fit.information @ (factor * common_steps.T @ common_steps) @ fit.information
+    return MapBudget(tile.texels, relative, means, Budget(fit.information, {MISFIT: scatter}))
+
+
+def _by_image(fit: MapFit, here: TileFit) -> TexelNormal:
+    """What each photograph tells of the unknowns of texels and those in common [R, R, I, n]."""
+    rows, tile, problem = [*fit.texels.rows, *fit.texels.common], here.tile, here.problem
+    columns = problem.model.columns(tile, here.theta) if problem.columns is None else problem.columns
+    at = problem.model.coefficients(here.theta.repeat(1, tile.images), {row.name for row in rows})
+    normal = TexelGram.of(columns, problem.squares, at.total, 1).normal(at, rows)
+    grid = (tile.images, len(tile))
+    return TexelNormal(*(part.unflatten(-1, grid) for part in normal))
