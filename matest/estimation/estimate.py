@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from matest.errors import InputError
 from matest.estimation.freeing import determined_by_images, widened
+from matest.estimation.map_selection import FEWEST_IMAGES, select_mapped
 from matest.estimation.misreading import misdescribed, misreading
 from matest.estimation.options import AUTO, Options, Value, as_uncertainty
 from matest.estimation.outcome import mapped_outcome, outcome_of
@@ -101,10 +102,13 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
     if samples.account.redundancy.channels:
         fix = {name: _of_one_channel(value, capture.channels) for name, value in options.fix.items()}
         options = replace(options, fix=fix)
-    expression, selection = options.model, None
-    if expression is None or options.automatic:
+    expression, selection, candidates = options.model, None, []
+    if options.automatic and options.maps and len(samples.account.images) >= FEWEST_IMAGES:
+        of_maps = select_mapped(capture, samples, options, progress)
+        expression, candidates = of_maps.expression, list(of_maps.candidates)
+    elif expression is None or options.automatic:
         selection = select(samples, options, progress)
-        expression = selection.best.recipe.expression
+        expression, candidates = selection.best.recipe.expression, selection.candidates
     specification, solution = solve(expression, samples, options, progress)
     if not solution.statistics.total("values"):
         why = misdescribed(samples) or "Photograph it with another exposure."
@@ -121,7 +125,7 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
     if selection and mistake is None:
         said += sentences(selection, outcome.refined, explained=bool(outcome.diagnosis))
     said += outcome.notes
-    explained = bool(outcome.diagnosis) or selection is not None
+    explained = bool(outcome.diagnosis or candidates)
     context = Context(
         samples, specification, solution, posterior, options.precision, said, explained, mistake is not None,
         images=outcome.images, mapped=bool(outcome.maps),
@@ -139,7 +143,7 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         correlation=[list(row) for row in posterior.correlation],
         fit=summary(samples, solution, posterior.bars, sentence),
         relative=capture.relative,
-        candidates=selection.candidates if selection else [],
+        candidates=candidates,
         skipped=skipped(samples, solution, len(held_out), selection.unsupported if selection else []),
         timing_s={**{stage: capture.timing.get(stage, 0.0) for stage in ("read", "geometry")}, "fit": fit_s},
         holdout=_holdout(held_out, outcome.errors_of(held_out)) if held_out else None,
