@@ -150,7 +150,9 @@ def fit_maps(
     """
     progress("fitting some texels")
     texels = TexelUnknowns(problem, tuple(mapped))
-    in_common = descend(texels.without_shapes(), unknowns, few) if texels.shapes else None
+    amplitudes = texels.without_shapes()
+    # With nothing but shapes mapped, the fit with one value for all texels is that already.
+    in_common = descend(amplitudes, unknowns, few) if texels.shapes and amplitudes.mapped else None
     sample = descend(texels, unknowns if in_common is None else in_common.fitter.unknowns, few)
     elimination = Elimination.of(sample.fitter, sample.fit)
     found = regions_of(sample, elimination, in_common, regions, seed)
