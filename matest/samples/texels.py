@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -49,6 +49,20 @@ class TexelTile:
         """Some of the texels, by their places in this tile, int64 [m]."""
         rows = self.rows_of(places)
         return TexelTile(self.texels[places], self.batch[rows], self.usable[rows])
+
+    def of_images(self, images: Sequence[int]) -> TexelTile:
+        """The same texels in some of the images, by their places."""
+        rows = torch.arange(len(self.batch)).unflatten(0, (self.images, -1))[list(images)].flatten()
+        return TexelTile(self.texels, self.batch[rows], self.usable[rows])
+
+    def measuring(self, radiance: Tensor) -> TexelTile:
+        """The same texels where a sensor without noise has measured some radiance [I·n, C]."""
+        noise, clipped = self.batch.noise, None
+        if noise.limits is not None:
+            lower, upper = noise.limits
+            clipped = (radiance >= upper).to(torch.int8) - (radiance <= lower).to(torch.int8)
+        batch = replace(self.batch, radiance=radiance, noise=replace(noise, clipped=clipped))
+        return replace(self, batch=batch)
 
     def rows_of(self, places: Tensor) -> Tensor:
         """The samples of some of the texels, int64 [I·m]."""

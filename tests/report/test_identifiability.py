@@ -41,6 +41,7 @@ CHECK = Check(
     warnings=["No mesh."],
     calibration={},
     limits=[],
+    understood={},
 )
 RADIUS = CalibrationError(0.5, True, "px", "of the outline", {"a.albedo": [0.02, 0.04]}, {"a.albedo": 0.1})
 DIRECTION = CalibrationError(math.radians(1), False, "rad", "of lights", {"a.albedo": [1e-6, 0.0]}, {"a.albedo": 2e-6})

@@ -185,7 +185,7 @@ def _over_all(fitter: TexelFitter, known: Knowledge, tiles: TexelTiles, out: _Ma
     def work(get: Callable[[], TexelTile]) -> list[_TileSums]:
         with torch.no_grad():
             tile = get()
-            fit, own, counted = _shared(fitter, fitter.fit(tile, known.regions.weak_prior(len(tile))), known)
+            fit, own, counted = shared(fitter, fitter.fit(tile, known.regions.weak_prior(len(tile))), known)
             elimination = Elimination.of(fitter, fit, counted)
             variance = elimination.covariance.diagonal().T
             told = (1 - fit.prior.precision * variance).clamp(0, 1)
@@ -200,7 +200,7 @@ def _over_all(fitter: TexelFitter, known: Knowledge, tiles: TexelTiles, out: _Ma
     return _TileSums(*(sum(column) for column in zip(*parts, strict=True)))
 
 
-def _shared(fitter: TexelFitter, fit: TileFit, known: Knowledge) -> tuple[TileFit, Tensor, Tensor | None]:
+def shared(fitter: TexelFitter, fit: TileFit, known: Knowledge) -> tuple[TileFit, Tensor, Tensor | None]:
     """The solution where what a texel does not tell is that of its region.
 
     Shapes come first: an amplitude is told with its shape known, whatever that is known from.
