@@ -15,6 +15,8 @@ from matest.report.tables import plain_table
 _MAX_COLUMNS = 5
 # Share of the pixels that the photographs light at which a parameter has to be known, if it is to count as a map.
 _A_MAP = 0.5
+# Relative error of a pixel that says nothing: what it is then is a matter of the domain.
+_NO_VALUE = 0.995
 # Images that a sentence names.
 _MAX_NAMED = 12
 
@@ -56,7 +58,7 @@ def _table(columns: dict[str, list[str]], maps: MapsForecast) -> Table:
     shown = [*columns][: _MAX_COLUMNS - 1]
     table = plain_table(
         Column("photographs", justify="right", no_wrap=True),
-        *(Column(head, justify="right") for head in shown),
+        *(Column(head, justify="right", overflow="fold") for head in shown),
         title="Maps by number of photographs",
     )
     for number, row in enumerate(maps.photographs):
@@ -69,7 +71,7 @@ def _of_map(forecast: MapForecast) -> str:
     if forecast.relative is None:
         return "0%"
     middle = forecast.relative[1]
-    return f"{_share(forecast.known)}, {f'± {percent(middle)}' if middle <= 1 else '> 100%'}"
+    return f"{_share(forecast.known)}, {f'± {percent(middle)}' if middle < _NO_VALUE else '> 100%'}"
 
 
 def _error(relative: float | None) -> str:

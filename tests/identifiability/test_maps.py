@@ -128,6 +128,15 @@ def test_more_photographs_tell_more() -> None:
     assert errors == sorted(errors, reverse=True)
 
 
+def test_errors_of_pixels_are_their_own_though_they_take_what_the_object_has() -> None:
+    forecast = of_varied(GLOSSY, "specular")
+    assert len(forecast.photographs) == 7
+    for row in forecast.photographs:
+        each = row.maps["specular"]
+        assert each.relative is not None
+        assert (each.known < 0.5 * row.lit) == (each.relative[1] > 0.5)
+
+
 def test_a_photograph_like_another_comes_after_those_that_differ() -> None:
     ahead, aside, across = ring(12)[[0, 6, 10]]
     capture = photographed(ROUGH, np.stack([ahead, ahead, aside, across, ahead]))

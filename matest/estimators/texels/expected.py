@@ -95,11 +95,12 @@ class ExpectedTexels:
         regions = Regions.single(texels, self.unknowns).filled(labels, fit.theta, std, values)
         bend = torch.zeros(len(texels.common), dtype=torch.float64)
         fit, own, counted = shared(fitter, fit, Knowledge(regions, 1.0, limit, bend))
-        last = Elimination.of(fitter, fit)
         is_shape = torch.tensor([row.name in texels.shapes for row in texels.rows])[:, None]
-        variance = torch.where(is_shape, alone, last.covariance.diagonal().T)
+        # Of anything but a shape: with the shapes known that are shared, but nothing known of itself.
+        beside = replace(fit, prior=regions.prior(labels, own | ~is_shape))
+        variance = torch.where(is_shape, alone, Elimination.of(fitter, beside).covariance.diagonal().T)
         seen = tile.usable.unflatten(0, (len(images), -1)).any(0)
-        return Told(own & seen, variance, last.moves, counted, seen)
+        return Told(own & seen, variance, Elimination.of(fitter, fit).moves, counted, seen)
 
     def in_common(self, images: Sequence[int], names: Sequence[str], counted: Tensor | None = None) -> Tensor:
         """Information of some images on all unknowns that are not of texels, the texels following them [S, S].
