@@ -12,7 +12,9 @@ from matest.estimation.options import Options
 from matest.estimators import Problem, Solution
 from matest.estimators.calibrated import body_albedos
 from matest.estimators.refinement import MIN_UNKNOWNS, fit_calibrated
+from matest.estimators.texels.maps import MapFit
 from matest.inference.budget import SAMPLES, Budget, budget
+from matest.inference.map_calibration import BESIDE_MAPS, MapBudget, map_budget
 from matest.inference.posterior import Posterior
 from matest.inference.quantities import Number
 from matest.progress import Progress
@@ -167,6 +169,15 @@ class Calibration:
             problem = problem.with_priors(fitted.spreads)
             budgets.append(budget(unknowns, problem, spreads, samples, seed, residual_scale, count))
         return replace(budgets[0], scatters={name: part for one in budgets for name, part in one.scatters.items()})
+
+    def map_budget(self, fit: MapFit, samples: CalibratedSamples, seed: int) -> MapBudget | None:
+        """How maps and what is beside them move with the errors that are stated; None: there are none."""
+        stated = {name: spread for name, spread in self.stated.items() if name not in BESIDE_MAPS}
+        if not stated:
+            return None
+        families = samples.calibration([*stated])
+        problem = fit.texels.problem.calibrated(families, stated, samples.groups, centred(samples))
+        return map_budget(fit, problem, stated, samples, SAMPLES // max(samples.groups.images, 1), seed)
 
     def estimates(
         self, solution: Solution, posterior: Posterior, samples: CalibratedSamples

@@ -5,20 +5,26 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from matest.brdf import Brdf
 from matest.errors import InputError
+from matest.estimation.calibration import Calibration
 from matest.estimation.options import Options
 from matest.estimation.parameter_map import ParameterMap, TexelStatus, with_maps
 from matest.estimators import Problem, Solution, Statistics
 from matest.estimators.calibrated import body_albedos
 from matest.estimators.moments import SCORES
 from matest.estimators.texels.maps import MapFit, fit_maps
+from matest.inference.budget import Budget
+from matest.inference.map_calibration import over_all
 from matest.inference.quantities import ParameterEstimate
 from matest.progress import Progress
 from matest.samples.account import CalibratedSamples
+from matest.samples.uncertainty import Uncertainty
+from matest.scene import Surface
 
 # The name that stands for the albedo of the body, whatever a model calls it.
 ALBEDO = "albedo"
@@ -36,11 +42,15 @@ class Mapped:
         solution: of the parameters in common; those that are mapped are held at their means.
         maps: by name of the parameter.
         fit: of all texels.
+        means: standard errors of the means of its unknowns [T].
+        budget: what stated errors of the calibration do to the parameters in common; None: nothing is stated.
     """
 
     solution: Solution
     maps: Mapping[str, ParameterMap]
     fit: MapFit
+    means: Tensor
+    budget: Budget | None = None
 
     @property
     def material(self) -> Brdf:
@@ -56,7 +66,7 @@ class Mapped:
     def _mean(self, name: str, estimate: ParameterEstimate) -> ParameterEstimate:
         """The mean of a map, in the place of the value that was held."""
         values = self.maps[name].mean.tolist()
-        stds = self.fit.mean_std[self.fit.texels.at(name)].tolist()
+        stds = self.means[self.fit.texels.at(name)].tolist()
         intervals = [[v - _QUANTILE * s, v + _QUANTILE * s] for v, s in zip(values, stds, strict=True)]
         is_one = not isinstance(estimate.value, list) and len(values) == 1
         return replace(
@@ -69,13 +79,22 @@ class Mapped:
         )
 
 
-def fit_with_maps(solution: Solution, samples: CalibratedSamples, options: Options, progress: Progress) -> Mapped:
+def fit_with_maps(
+    solution: Solution,
+    samples: CalibratedSamples,
+    surface: Surface,
+    options: Options,
+    stated: Uncertainty,
+    progress: Progress,
+) -> Mapped:
     """The fit in which every pixel of the object has its own values of some parameters.
 
     Args:
         solution: with one value for all pixels.
         samples: that were fitted.
+        surface: that they are of.
         options: `maps` names the parameters, `regions` says how many regions share what pixels do not tell.
+        stated: what the capture states of its calibration.
         progress: called with a word on what is being done.
 
     Raises:
@@ -88,8 +107,14 @@ def fit_with_maps(solution: Solution, samples: CalibratedSamples, options: Optio
         problem, solution.unknowns, [name for name in problem.free if name in names], few, tiles, samples.texels,
         regions=options.regions, seed=options.seed, progress=progress,
     )  # fmt: skip
-    maps = {name: _map(name, fit) for name in fit.texels.mapped}
-    return Mapped(_in_common(fit, maps, solution), maps, fit)
+    std, means, budget = fit.std, fit.mean_std, None
+    errors = Calibration.of(options, stated, samples, problem).map_budget(fit, samples, options.seed)
+    if errors is not None:
+        budget, means = errors.common, torch.hypot(means, errors.means)
+        places = np.stack(np.divmod(surface.pixels, surface.shape[1]), axis=1)
+        std = torch.hypot(std, over_all(errors, places).to(std) * fit.theta.abs())
+    maps = {name: _map(name, fit, std) for name in fit.texels.mapped}
+    return Mapped(_in_common(fit, maps, solution), maps, fit, means, budget)
 
 
 def mapped_names(problem: Problem, word: str) -> list[str]:
@@ -114,10 +139,10 @@ def _choices(names: Sequence[str]) -> str:
     return f"name one of {', '.join(names)}" if names else "name another model"
 
 
-def _map(name: str, fit: MapFit) -> ParameterMap:
-    """The map of a parameter."""
+def _map(name: str, fit: MapFit, std: Tensor) -> ParameterMap:
+    """The map of a parameter, from the standard errors of all unknowns [T, N]."""
     rows = fit.texels.at(name)
-    value, std = fit.theta[rows].T, fit.std[rows].T
+    value, std = fit.theta[rows].T, std[rows].T
     status = torch.where(fit.own[rows].all(0), TexelStatus.DETERMINED, TexelStatus.SHARED)
     status[(fit.held[rows] & fit.own[rows]).any(0)] = TexelStatus.AT_BOUND
     status[value.isnan().any(1)] = TexelStatus.UNSEEN

@@ -116,16 +116,18 @@ def mapped_outcome(
     progress: Progress,
 ) -> Outcome:
     """The fit in which every pixel has its own albedo; arguments are those of `outcome_of`."""
-    mapped = fit_with_maps(solution, samples, options, progress)
-    posterior = judge_to_first_order(mapped.solution, samples)
-    stated = capture.stated_uncertainty.merged(options.uncertainty).stated
+    mapped = fit_with_maps(solution, samples, capture.scene.surface, options, capture.stated_uncertainty, progress)
+    posterior = judge_to_first_order(mapped.solution, samples, budget=mapped.budget)
+    beside = [
+        name for name in capture.stated_uncertainty.merged(options.uncertainty).stated if name in ("albedo", "blur")
+    ]
     material, residual_scale = mapped.material, mapped.solution.residual_scale
     drawn, _ = few_samples(samples, options.seed)
     parameters = mapped.parameters(posterior.estimates)
     radius, surface = options.smooth_maps, capture.scene.surface
     notes = []
-    if stated:
-        notes.append(f"Error bars beside a map do not hold stated errors of the calibration ({', '.join(stated)}).")
+    if beside:
+        notes.append(f"Error bars of a map do not hold the stated {' and '.join(beside)}.")
     smooth = {}
     if radius:
         chi2 = posterior.bars.chi2

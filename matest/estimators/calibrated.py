@@ -41,13 +41,14 @@ class Tangent:
 class CalibratedModel:
     """The radiance of a problem with errors of the calibration, at some unknowns u [P]."""
 
-    def __init__(self, problem: Problem, unknowns: Tensor) -> None:
+    def __init__(self, problem: Problem, unknowns: Tensor, material: Brdf | None = None) -> None:
+        """See the class; `material` has values at every sample [n, 1 or C] in place of those of the unknowns."""
         assert problem.calibration is not None
         self._problem = problem
         self._calibration = problem.calibration
         self._unknowns = unknowns
         self._errors = unknowns[problem.nuisance_places]
-        self._material = problem.material(unknowns)
+        self._material = problem.material(unknowns) if material is None else material
         self._basis = TangentBasis(problem, unknowns)
         self._body = body_albedos(problem.brdf)
 
@@ -59,6 +60,18 @@ class CalibratedModel:
 
     def tangent(self, batch: Batch) -> Tangent:
         """Radiance and derivatives; the latter are those without blur, except by the blur itself."""
+        displaced, true, radiance, by_errors = self._to_first_order(batch)
+        with torch.no_grad():
+            by_material = self._by_material(displaced, batch) * displaced.slope(true).T[:, None]
+            jacobian = torch.cat([by_material, by_errors], dim=1)
+            return Tangent(radiance.detach(), jacobian, displaced.points)
+
+    def by_errors(self, batch: Batch) -> Tensor:
+        """Derivatives of the radiance by the q errors that the group of each sample is under [C, q, n]."""
+        return self._to_first_order(batch)[3]
+
+    def _to_first_order(self, batch: Batch) -> tuple[Displaced, Tensor, Tensor, Tensor]:
+        """Samples under the errors, their true and their decoded radiance, and its derivatives by the errors."""
         values = self._values(batch).requires_grad_()
         with torch.enable_grad():
             displaced = self._calibration.displaced(batch, values)
@@ -68,10 +81,7 @@ class CalibratedModel:
                 torch.autograd.grad(radiance[:, channel].sum(), values, retain_graph=True)[0].T
                 for channel in range(radiance.shape[1])
             ]
-        with torch.no_grad():
-            by_material = self._by_material(displaced, batch) * displaced.slope(true).T[:, None]
-            jacobian = torch.cat([by_material, torch.stack(by_channel)], dim=1)
-            return Tangent(radiance.detach(), jacobian, displaced.points)
+        return displaced, true, radiance, torch.stack(by_channel)
 
     def _values(self, batch: Batch) -> Tensor:
         """The errors that each sample is under [n, q]."""

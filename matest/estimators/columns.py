@@ -72,14 +72,14 @@ def light_columns(
 
 
 def _positive(shapes: Tensor, coefficients: Tensor) -> Tensor:
-    """1 where the reflectance Σk coefficients · shapes [K, n, L, 1 or C] is not negative [n, L, 1 or C]."""
+    """1 where the reflectance Σk coefficients · shapes [K, ..., L, 1 or C] is not negative [..., L, 1 or C]."""
     if not shapes.numel():
         # Only the sky lights these points.
         return shapes.new_ones(1, 1, 1)
     if shapes.shape[-1] == 1:
-        reflectance = (coefficients @ shapes.flatten(1)).reshape(-1, *shapes.shape[1:3]).permute(1, 2, 0)
+        reflectance = (coefficients @ shapes.flatten(1)).reshape(-1, *shapes.shape[1:-1]).movedim(0, -1)
     else:
-        reflectance = torch.einsum("ck,knlc->nlc", coefficients, shapes)
+        reflectance = torch.einsum("ck,k...c->...c", coefficients, shapes)
     if float(reflectance.min()) >= 0:
         return shapes.new_ones(1, 1, 1)
     return (reflectance >= 0).to(shapes)

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 import torch
+from torch import Tensor
 
+from matest.directions import to_local
 from matest.photographs.pixels import LitPixels
 from matest.samples.batch import join
+from matest.samples.likelihood import Limits, MeasurementNoise, Readout
 from matest.samples.texels import TexelTile
+from matest.scene import Points
 from matest.workers import processors
 
 # Samples of a tile, about: so many that its overhead does not count, so few that they stay in the cache.
@@ -39,12 +43,63 @@ class TexelTiles:
 
 def texel_tile(pixels: LitPixels, index: np.ndarray) -> TexelTile:
     """The samples of all images at some of the object's pixels, `index` [n]."""
-    parts = [pixels.at(position, index) for position in range(len(pixels.images))]
-    batch = join(parts)
+    radiance = torch.empty(pixels.photographs.channels, len(pixels.images), len(index), dtype=pixels.dtype)
+    for position, image in enumerate(pixels.images):
+        radiance[:, position] = torch.from_numpy(pixels.photographs.radiance(image, index).T)
     usable = np.concatenate([pixels.usable(position)[index] for position in range(len(pixels.images))])
     return TexelTile(
         texels=torch.from_numpy(index.astype(np.int64)),
-        # An array of each channel: torch is several times slower where the innermost loop is over three channels.
-        batch=replace(batch, radiance=batch.radiance.T.contiguous().T),
-        usable=torch.from_numpy(usable),
+        points=_points(pixels, index),
+        radiance=radiance.flatten(1).T.to(pixels.device),
+        noise=_noise(pixels, index),
+        usable=torch.from_numpy(usable).to(pixels.device),
     )
+
+
+def _points(pixels: LitPixels, index: np.ndarray) -> Points:
+    """Geometry and light of pixels in all images, a grid [I, n]."""
+    scene, places = pixels.photographs.scene, torch.from_numpy(index.astype(np.int64))
+    lights = [scene.lights[image] for image in pixels.images]
+    if bool((scene.ambient > 0).any()) or any(len(some) != 1 for some in lights):
+        parts = [pixels.at(position, index) for position in range(len(pixels.images))]
+        points, grid = join(parts).points, (len(parts), len(index))
+        ambient = None if points.ambient is None else points.ambient.expand(grid[0] * grid[1], -1).unflatten(0, grid)
+        wo = points.wo.unflatten(0, grid)[:1]
+        return Points(points.wi.unflatten(0, grid), wo, points.irradiance.unflatten(0, grid), ambient)
+    # A pixel in the shadow of the only light is not usable: its irradiance does not matter.
+    dtype, device = pixels.dtype, pixels.device
+    lit = []
+    for image, (light,) in zip(pixels.images, lights, strict=True):
+        positions = scene.near_positions(image, places)
+        lit.append(light.to(dtype, device).at(None if positions is None else positions.to(device, dtype)))
+    normals = scene.surface.normals_as(dtype)[places].to(device)
+    toward, power = (torch.stack(torch.broadcast_tensors(*parts)) for parts in zip(*lit, strict=True))
+    wi, wo = to_local(normals[None], toward, scene.surface.toward_viewer(places).to(device, dtype)[None])
+    return Points(wi[:, :, None], wo, power[:, :, None])
+
+
+def _noise(pixels: LitPixels, index: np.ndarray) -> MeasurementNoise:
+    """The noise of pixels in all images, one after another [I·n]."""
+    images, count = pixels.images, len(index)
+    clipped = [pixels.clipped(image, index) for image in images]
+    limits = [pixels.limits(image, index) for image in images]
+    ends = None
+    if all(end is not None for end in limits):
+        ends = Limits(*(_in_a_row(parts, count) for parts in zip(*(end for end in limits if end), strict=True)))
+    readout = Readout(
+        *(_in_a_row(parts, count) for parts in zip(*(pixels.readout(image, index) for image in images), strict=True))
+    )
+    if all(part is None for part in clipped):
+        return MeasurementNoise(readout, ends)
+    channels = pixels.photographs.channels
+    nothing = torch.zeros(count, channels, dtype=torch.int8, device=pixels.device)
+    return MeasurementNoise(readout, ends, torch.cat([nothing if part is None else part for part in clipped]))
+
+
+def _in_a_row(parts: Sequence[Tensor], count: int) -> Tensor:
+    """Values [1 or n, 1 or C] of every image one after another, or once if they are the same."""
+    first = parts[0]
+    if len(first) == 1 and all(torch.equal(part, first) for part in parts):
+        return first
+    width = max(part.shape[-1] for part in parts)
+    return torch.cat([part.expand(count, width) for part in parts])

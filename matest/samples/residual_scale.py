@@ -80,7 +80,7 @@ class ResidualScale:
         """The scale at n points [n, 1], or one for all."""
         if self.smallest == float(self.values.max()):
             return self.smallest
-        angles = half_angle(points)
+        angles = half_angle(points).flatten()
         label = torch.bucketize(angles, self.ends.to(angles), right=True)
         return self.values.to(angles)[label][:, None]
 
@@ -90,12 +90,12 @@ NOISE_ALONE = ResidualScale.uniform()
 
 
 def half_angle(points: Points) -> Tensor:
-    """sin² of the angle between the normal and the half vector, of the light that comes nearest to its mirror [n]."""
-    half = points.wi + points.wo[:, None]
+    """sin² of the angle between the normal and the half vector, of the light that comes nearest to its mirror [...]."""
+    half = points.wi + points.wo[..., None, :]
     across = half[..., :2].square().sum(-1)
     squared = across / (across + half[..., 2].square()).clamp(min=torch.finfo(half.dtype).tiny)
     dark = (points.irradiance == 0).all(-1)
-    return torch.where(dark, 1.0, squared).amin(1) if half.shape[1] else half.new_ones(len(half))
+    return torch.where(dark, 1.0, squared).amin(-1) if half.shape[-2] else half.new_ones(half.shape[:-2])
 
 
 def like_angled(half_angles: Tensor) -> tuple[Tensor, Sequence[Tensor]]:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import torch
 from torch import Tensor
 
 from matest.samples import likelihood
 from matest.samples.batch import Batch
-from matest.samples.likelihood import LeastSquares
-from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
+from matest.samples.likelihood import LeastSquares, MeasurementNoise
+from matest.samples.residual_scale import NOISE_ALONE, ResidualScale, half_angle
+from matest.scene import Points
 
 # Values this many times as large as nearly all others of a tile are wild.
 _WILD = 1e3
@@ -29,12 +31,16 @@ class TexelTile:
 
     Attributes:
         texels: their places among the N pixels of the object, int64 [n].
-        batch: of I·n samples.
+        points: geometry and light [I or 1, n or 1, ...]; the viewer is the same in all images.
+        radiance: measured [I·n, C]; each channel is an array of its own.
+        noise: of it.
         usable: whether each sample counts; the others are in shadow or at the rim, bool [I·n].
     """
 
     texels: Tensor
-    batch: Batch
+    points: Points
+    radiance: Tensor
+    noise: MeasurementNoise
     usable: Tensor
 
     def __len__(self) -> int:
@@ -43,26 +49,71 @@ class TexelTile:
     @property
     def images(self) -> int:
         """I."""
-        return len(self.batch) // max(len(self), 1)
+        return len(self.radiance) // max(len(self), 1)
+
+    @cached_property
+    def batch(self) -> Batch:
+        """The samples, points being those of all images and texels in a grid."""
+        return Batch(self.points, self.radiance, self.noise)
+
+    @cached_property
+    def in_a_row(self) -> Batch:
+        """The samples one after another."""
+        points, count = self.points, len(self.radiance)
+        grid = (self.images, len(self))
+
+        def flat(part: Tensor, inner: int) -> Tensor:
+            return part.expand(*grid, *part.shape[-inner:]).reshape(count, *part.shape[-inner:])
+
+        ambient = None if points.ambient is None else flat(points.ambient, 1)
+        row = Points(flat(points.wi, 2), flat(points.wo, 1), flat(points.irradiance, 2), ambient)
+        return Batch(row, self.radiance, self.noise)
+
+    @property
+    def half_angles(self) -> Tensor:
+        """Of all samples [I·n], see `half_angle`."""
+        return half_angle(self.points).expand(self.images, len(self)).flatten()
 
     def some(self, places: Tensor) -> TexelTile:
         """Some of the texels, by their places in this tile, int64 [m]."""
-        rows = self.rows_of(places)
-        return TexelTile(self.texels[places], self.batch[rows], self.usable[rows])
+        rows, points = self.rows_of(places), self.points
+
+        def at(part: Tensor) -> Tensor:
+            return part if part.shape[1] == 1 else part.index_select(1, places)
+
+        ambient = None if points.ambient is None else at(points.ambient)
+        return TexelTile(
+            self.texels[places],
+            Points(at(points.wi), at(points.wo), at(points.irradiance), ambient),
+            self.radiance.T[:, rows].T,
+            self.noise[rows],
+            self.usable[rows],
+        )
 
     def of_images(self, images: Sequence[int]) -> TexelTile:
         """The same texels in some of the images, by their places."""
-        rows = torch.arange(len(self.batch)).unflatten(0, (self.images, -1))[list(images)].flatten()
-        return TexelTile(self.texels, self.batch[rows], self.usable[rows])
+        places, points = list(images), self.points
+
+        def at(part: Tensor) -> Tensor:
+            return part if part.shape[0] == 1 else part[places]
+
+        rows = torch.arange(len(self.radiance)).unflatten(0, (self.images, -1))[places].flatten()
+        ambient = None if points.ambient is None else at(points.ambient)
+        return TexelTile(
+            self.texels,
+            Points(at(points.wi), at(points.wo), at(points.irradiance), ambient),
+            self.radiance.T[:, rows].T,
+            self.noise[rows],
+            self.usable[rows],
+        )
 
     def measuring(self, radiance: Tensor) -> TexelTile:
         """The same texels where a sensor without noise has measured some radiance [I·n, C]."""
-        noise, clipped = self.batch.noise, None
-        if noise.limits is not None:
-            lower, upper = noise.limits
+        clipped = None
+        if self.noise.limits is not None:
+            lower, upper = self.noise.limits
             clipped = (radiance >= upper).to(torch.int8) - (radiance <= lower).to(torch.int8)
-        batch = replace(self.batch, radiance=radiance, noise=replace(noise, clipped=clipped))
-        return replace(self, batch=batch)
+        return replace(self, radiance=radiance, noise=replace(self.noise, clipped=clipped))
 
     def rows_of(self, places: Tensor) -> Tensor:
         """The samples of some of the texels, int64 [I·m]."""
@@ -73,36 +124,36 @@ class TexelTile:
 
         What is measured may be dark by accident, and the reference may lack a highlight. Wild values do not count.
         """
-        measured = self.batch.radiance
+        measured = self.radiance
         weight = self.batch.weight(torch.maximum(reference, measured))
         some = measured[:: max(len(measured) // _JUDGED, 1)].abs()
         if len(some):
-            weight = torch.where(measured.abs() <= _WILD * some.quantile(_TAME_SHARE, dim=0), weight, 0.0)
+            weight = weight * (measured.abs() <= _WILD * some.quantile(_TAME_SHARE, dim=0)).to(weight)
         return self._of_usable(LeastSquares(measured, weight, torch.ones_like(weight, dtype=torch.bool)))
 
-    def scaled(self, radiance: Tensor) -> Tensor:
-        """Radiance [I·n, C] with a factor for every texel and channel, so that its sum is that of the measured."""
-        counts = self.usable.to(radiance).unflatten(0, (self.images, -1))
-        parts = []
-        for channel in range(radiance.shape[1]):
-            model, measured = (
-                part[:, channel].unflatten(0, (self.images, -1)) for part in (radiance, self.batch.radiance)
-            )
-            ratio = (measured * counts).sum(0) / (model * counts).sum(0).clamp(min=torch.finfo(radiance.dtype).tiny)
-            parts.append((model * ratio.clamp(_LEAST_RATIO, 1 / _LEAST_RATIO)).flatten())
-        return torch.stack(parts).T
+    def ratios(self, radiance: Tensor) -> Tensor:
+        """How much brighter each texel is in each channel than some radiance [I·n, C] on average [C, n]."""
+        counts = self.usable.to(radiance)
+        model, measured = (
+            (part.T * counts).unflatten(1, (self.images, -1)).sum(1) for part in (radiance, self.radiance)
+        )
+        ratio = measured / model.clamp(min=torch.finfo(radiance.dtype).tiny)
+        return ratio.clamp(_LEAST_RATIO, 1 / _LEAST_RATIO)
 
     def about(self, reference: Tensor, residual_scale: ResidualScale = NOISE_ALONE) -> LeastSquares:
         """See `likelihood.about`."""
-        batch = self.batch
-        return self._of_usable(
-            likelihood.about(reference, batch.radiance, batch.noise, None, residual_scale.at(batch.points))
-        )
+        scale = residual_scale.at(self.points)
+        if isinstance(scale, Tensor):
+            scale = scale.unflatten(0, (-1, 1 if len(scale) == self.images else len(self)))
+            scale = scale.expand(self.images, len(self), 1).flatten(0, 1)
+        return self._of_usable(likelihood.about(reference, self.radiance, self.noise, None, scale))
 
     def _of_usable(self, squares: LeastSquares) -> LeastSquares:
         """The same with no weight for samples that do not count."""
-        weight = torch.where(self.usable[:, None], squares.weight, 0.0)
-        return squares._replace(weight=weight, plain=squares.plain & self.usable[:, None])
+        # A product with numbers 0 and 1: torch is ten times slower where it chooses.
+        return squares._replace(
+            weight=squares.weight * self.usable[:, None].to(squares.weight), plain=squares.plain & self.usable[:, None]
+        )
 
 
 # Tiles of one group are computed at the same time, groups one after the other.

@@ -27,7 +27,7 @@ def darker(tile: Tile) -> Tensor:
 
 def test_a_model_a_tenth_darker_has_that_error_at_every_pixel() -> None:
     samples = Studio().photograph(CLAY, seed=1).samples()
-    found = misfit(darker, samples.single_pixels())
+    found = misfit(darker, samples.tiles(merge=False))
     assert found.statistics.relative_rmse == pytest.approx(0.1, rel=1e-5)
     assert found.statistics.total("samples") == len(samples) == len(found.errors)
     torch.testing.assert_close(found.errors, torch.full_like(found.errors, 0.1), rtol=1e-4, atol=0)
@@ -36,8 +36,8 @@ def test_a_model_a_tenth_darker_has_that_error_at_every_pixel() -> None:
 def test_scores_are_those_of_a_pass_over_the_samples() -> None:
     samples, none = Studio().photograph(CLAY, seed=1).samples(), torch.zeros(0, dtype=torch.float64)
     problem = Problem.of(CLAY, samples.channels, (), CLAY.parameters, {})
-    found = misfit(radiance_model(problem, none), samples.single_pixels()).statistics
-    expected = accumulate(problem, none, samples.single_pixels(), none)
+    found = misfit(radiance_model(problem, none), samples.tiles(merge=False)).statistics
+    expected = accumulate(problem, none, samples.tiles(merge=False), none)
     assert torch.equal(found.labels, expected.labels)
     torch.testing.assert_close(found.scores, expected.scores, rtol=1e-4, atol=1e-6)
     assert found.reduced_chi2 == pytest.approx(1.0, abs=0.05)
@@ -55,7 +55,7 @@ def test_clipped_values_count_where_the_model_is_darker_than_the_clip() -> None:
     def bright(tile: Tile) -> Tensor:
         return torch.full_like(tile.batch.radiance, level)
 
-    found = misfit(bright, samples.single_pixels())
+    found = misfit(bright, samples.tiles(merge=False))
     # A model above the clip everywhere errs at the others alone.
     assert len(found.errors) == pytest.approx((1 - clipped) * len(samples), abs=1)
 

@@ -16,12 +16,24 @@ from matest.estimators.texels.unknowns import TexelUnknowns
 _HELD = 1e12
 
 
-class Elimination(NamedTuple):
-    """The texels of a tile eliminated from the least-squares problem of everything.
+class CommonSums(NamedTuple):
+    """What texels tell together.
 
     Attributes:
         information: of the unknowns in common, the texels following them [S, S].
         scores: [S].
+    """
+
+    information: Tensor
+    scores: Tensor
+
+
+class Elimination(NamedTuple):
+    """The texels of a tile eliminated from the least-squares problem of everything.
+
+    Attributes:
+        information: of each texel on the unknowns in common, which it follows [S, S, n].
+        scores: of each [S, n].
         moves: how far each unknown of the texels follows those in common [T, S, n].
         covariance: of the texels where those in common stand still, without inflation [T, T, n].
         held: whether a bound holds an unknown [T, n].
@@ -33,9 +45,21 @@ class Elimination(NamedTuple):
     covariance: Tensor
     held: Tensor
 
+    @property
+    def variance(self) -> Tensor:
+        """Of the unknowns of the texels [T, n]."""
+        return self.covariance.diagonal().T
+
+    def sums(self, counted: Tensor | None = None) -> CommonSums:
+        """The sums over the texels that are `counted` [n]; None: all."""
+        parts = (self.information, self.scores)
+        if counted is not None:
+            parts = (self.information * counted, self.scores * counted)
+        return CommonSums(*(part.sum(-1, dtype=torch.float64) for part in parts))
+
     @classmethod
-    def of(cls, fitter: TexelFitter, fit: TileFit, counted: Tensor | None = None) -> Elimination:
-        """At a solution of the texels; those `counted` [n] tell of the unknowns in common; None: all."""
+    def of(cls, fitter: TexelFitter, fit: TileFit) -> Elimination:
+        """At a solution of the texels."""
         texels = fitter.texels
         normal = fit.normal([*texels.rows, *texels.common])
         count = len(texels.rows)
@@ -45,11 +69,8 @@ class Elimination(NamedTuple):
         cross, common = normal.information[:count, count:], normal.information[count:, count:]
         factored = Factored.of(own)
         moves = -factored.solve(cross) if cross.shape[1] else cross
-        informations = common + torch.einsum("tsn,tun->sun", cross, moves)
-        every = normal.gradient[count:] + torch.einsum("tsn,tn->sn", moves, normal.gradient[:count])
-        if counted is not None:
-            informations, every = informations * counted, every * counted
-        information, scores = (part.sum(-1, dtype=torch.float64) for part in (informations, every))
+        information = common + (cross[:, :, None] * moves[:, None]).sum(0)
+        scores = normal.gradient[count:] + (moves * normal.gradient[:count, None]).sum(0)
         covariance = factored.inverse()
         # What a bound holds is known as well as it would be beside it, the others standing still.
         alone = normal.information[:count, :count].diagonal().T.clamp(min=torch.finfo(covariance.dtype).tiny)

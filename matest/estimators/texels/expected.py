@@ -68,12 +68,12 @@ class ExpectedTexels:
     def of(cls, texels: TexelUnknowns, unknowns: Tensor, tile: TexelTile) -> ExpectedTexels:
         """At values u [P], whatever the samples of a tile have measured."""
         rows = [*texels.rows, *texels.common]
-        model, theta = texel_model(texels, unknowns), texels.spread(unknowns, len(tile)).to(tile.batch.radiance)
+        model, theta = texel_model(texels, unknowns), texels.spread(unknowns, len(tile)).to(tile.radiance)
         columns, at = model.columns(tile, theta), model.coefficients(theta, {row.name for row in rows})
         tile = tile.measuring(radiance(columns, at, tile.images))
-        squares = tile.about(tile.batch.radiance)
+        squares = tile.about(tile.radiance)
         parts = []
-        for image in torch.arange(len(tile.batch)).split(len(tile)):
+        for image in torch.arange(len(tile.radiance)).split(len(tile)):
             of_image = Columns(columns.values[..., image], columns.tint)
             parts.append(TexelGram.of(of_image, squares.some(image), at.total, 1).normal(at, rows).information)
         return cls(texels, unknowns, tile, torch.stack(parts))
@@ -85,7 +85,7 @@ class ExpectedTexels:
         fitter = _AtSolution(texels, self.unknowns, NOISE_ALONE)
         fit = fitter.expected(tile)
         first = Elimination.of(fitter, fit)
-        alone = first.covariance.diagonal().T
+        alone = first.variance
         std, limit = alone.sqrt(), 0.0
         if fit.trials is not None:
             limit = Reliable.of(fitter, fit, first, 1.0).limit
@@ -94,13 +94,13 @@ class ExpectedTexels:
         labels = torch.zeros(len(tile), dtype=torch.int64)
         regions = Regions.single(texels, self.unknowns).filled(labels, fit.theta, std, values)
         bend = torch.zeros(len(texels.common), dtype=torch.float64)
-        fit, own, counted = shared(fitter, fit, Knowledge(regions, 1.0, limit, bend))
+        fit, own, counted, elimination = shared(fitter, fit, Knowledge(regions, 1.0, limit, bend))
         is_shape = torch.tensor([row.name in texels.shapes for row in texels.rows])[:, None]
         # Of anything but a shape: with the shapes known that are shared, but nothing known of itself.
         beside = replace(fit, prior=regions.prior(labels, own | ~is_shape))
-        variance = torch.where(is_shape, alone, Elimination.of(fitter, beside).covariance.diagonal().T)
+        variance = torch.where(is_shape, alone, Elimination.of(fitter, beside).variance)
         seen = tile.usable.unflatten(0, (len(images), -1)).any(0)
-        return Told(own & seen, variance, Elimination.of(fitter, fit).moves, counted, seen)
+        return Told(own & seen, variance, elimination.moves, counted, seen)
 
     def in_common(self, images: Sequence[int], names: Sequence[str], counted: Tensor | None = None) -> Tensor:
         """Information of some images on all unknowns that are not of texels, the texels following them [S, S].
@@ -131,12 +131,12 @@ class _AtSolution(TexelFitter):
 
     def expected(self, tile: TexelTile) -> TileFit:
         """The solution, and what else would describe the samples nearly as well."""
-        theta = self.texels.spread(self.unknowns, len(tile)).to(tile.batch.radiance)
+        theta = self.texels.spread(self.unknowns, len(tile)).to(tile.radiance)
         prior = Regions.single(self.texels, self.unknowns).weak_prior(len(tile))
-        problem = TexelProblem(tile, self._model, tile.about(tile.batch.radiance))
-        if self._model.separates:
-            problem = replace(problem, columns=self._model.columns(tile, theta))
-            problem = TexelProblem.of(problem, problem.squares, theta)
+        keeps = self._model.separates or not self.texels.shapes
+        columns = self._model.columns(tile, theta) if keeps else None
+        first = TexelProblem(tile, self._model, tile.about(tile.radiance), columns)
+        problem = TexelProblem.of(first, first.squares, theta)
         if not self.texels.shapes:
             return TileFit(problem, theta, prior)
         nodes = self._tried(problem, theta)

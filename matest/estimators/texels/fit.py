@@ -26,12 +26,14 @@ _NODES = (12, 7, 4)
 _EVEN_NODES = 7
 # Nodes that descents start from, for a texel.
 _STARTS = 3
-# Gauss-Newton steps of the amplitudes at a node: products of two amplitudes need more than one.
-_NODE_STEPS = 2
+# Gauss-Newton steps where all unknowns are amplitudes: products of two of them need more than one.
+_AMPLITUDE_STEPS = 2
 # Steps of a descent at most: texels that take more are told by what the last one leaves.
 _STEPS = 20
 # Expected fall of the cost below which a texel has come to its end: 0.03 standard errors.
 _END = 1e-3
+# The same of a descent that another one follows: 0.3 standard errors.
+_ROUGH_END = 0.1
 # Damping of the first step, and what it is multiplied by after a failure and after a success.
 _DAMPING = 1e-3
 _FAILURE = 10.0
@@ -179,28 +181,47 @@ class TexelFitter:
 
     def fit(self, tile: TexelTile, prior: TexelPrior) -> TileFit:
         """The optimum of every texel, found from nothing but the parameters in common."""
-        theta = self.texels.spread(self.unknowns, len(tile)).to(tile.batch.radiance)
+        theta = self.texels.spread(self.unknowns, len(tile)).to(tile.radiance)
         columns = self._model.columns(tile, theta)
-        reference = tile.scaled(radiance(columns, self._model.coefficients(theta), tile.images))
-        start = TexelProblem(tile, self._model, tile.about(reference, self._residual_scale))
-        if self._model.separates:
-            start = replace(start, columns=columns)
+        reference = radiance(columns, self._model.coefficients(theta), tile.images)
+        ratios = tile.ratios(reference)
+        reference = reference * ratios.T.repeat(tile.images, 1)
+        theta = self._brightened(theta, ratios)
+        kept = columns if self._model.separates or not self.texels.shapes else None
         if not self.texels.shapes:
+            start = TexelProblem(tile, self._model, tile.about(reference, self._residual_scale), kept)
             problem = TexelProblem.of(start, start.squares, theta)
-            theta, _ = self._descended(problem, theta, prior)
-            fit = TileFit(problem, theta, prior)
+            fit = TileFit(problem, self._climbed(problem, theta, prior), prior)
             # Outliers were judged by a mean that they are in.
             return self.refined(fit) if bool(problem.squares.weight[tile.usable].eq(0).any()) else fit
-        problem = TexelProblem.of(start, tile.first_guess(reference), theta)
+        start = TexelProblem(tile, self._model, tile.first_guess(reference), kept)
+        problem = TexelProblem.of(start, start.squares, theta)
         nodes = self._tried(problem, theta)
         ends = self._ends(problem, nodes, prior)
         theta, lowest = _best(ends, ends.cost), ends.cost.amin(0)
         trials = Trials(torch.cat([nodes.theta, ends.theta]), torch.cat([nodes.cost, ends.cost]) - lowest)
         return self.refined(TileFit(problem, theta, prior, trials))
 
+    def _brightened(self, theta: Tensor, ratios: Tensor) -> Tensor:
+        """θ with amplitudes that give so much more radiance in each channel [C, n]."""
+        theta = theta.clone()
+        for k, row in enumerate(self.texels.rows):
+            if row.name not in self.texels.shapes:
+                theta[k] *= ratios.mean(0) if row.channel is None else ratios[row.channel]
+        return theta.clamp(self._lower, self._upper)
+
+    def _climbed(self, problem: TexelProblem, theta: Tensor, prior: TexelPrior) -> Tensor:
+        """The optimum near θ where all unknowns are amplitudes: products of two of them need more than one step."""
+        for _ in range(_AMPLITUDE_STEPS):
+            normal = prior.added(problem.normal(theta, self.texels.rows), theta)
+            change = _step(normal, theta, self._lower, self._upper, torch.zeros_like(theta[0]))
+            theta = (theta + change).clamp(self._lower, self._upper)
+        return theta
+
     def moved(self, start: TileFit, theta: Tensor) -> TileFit:
         """The optimum near θ [T, n], which is that of other parameters in common."""
-        columns = self._model.columns(start.tile, theta) if self._model.separates else None
+        keeps = self._model.separates or not self.texels.shapes
+        columns = self._model.columns(start.tile, theta) if keeps else None
         problem = TexelProblem(start.tile, self._model, start.problem.squares, columns)
         return self.refined(replace(start, problem=problem, theta=theta))
 
@@ -208,7 +229,10 @@ class TexelFitter:
         """The optimum near another one, the likelihood being expanded there."""
         squares = start.tile.about(start.radiance, self._residual_scale)
         problem = TexelProblem.of(start.problem, squares, start.theta)
-        theta, _ = self._descended(problem, start.theta, start.prior)
+        if self.texels.shapes:
+            theta, _ = self._descended(problem, start.theta, start.prior)
+        else:
+            theta = self._climbed(problem, start.theta, start.prior)
         return replace(start, problem=problem, theta=theta)
 
     def with_prior(self, start: TileFit, prior: TexelPrior, places: Tensor) -> TileFit:
@@ -222,23 +246,26 @@ class TexelFitter:
         return replace(start, theta=theta, prior=prior)
 
     def _tried(self, problem: TexelProblem, theta: Tensor) -> Trials:
-        """θ and its cost at every node."""
+        """θ at every node after a step of the amplitudes, and the cost there."""
         chosen = [k for k, row in enumerate(self.texels.rows) if row.name not in self.texels.shapes]
         rows = [self.texels.rows[k] for k in chosen]
         names, lower, upper = {row.name for row in rows}, self._lower[chosen], self._upper[chosen]
         trials, costs = [], []
         for node, gram in zip(self._nodes, self._node_sums(problem, theta), strict=True):
             amplitudes = theta[chosen]
-            for _ in range(_NODE_STEPS if rows else 0):
-                normal = gram.normal(node.model.coefficients(amplitudes, names), rows)
-                step = Factored.of(normal.information).solve(normal.gradient)
-                amplitudes = (amplitudes + step).clamp(lower, upper)
+            normal = gram.normal(node.model.coefficients(amplitudes, names), rows)
+            cost = normal.cost
+            if rows:
+                amplitudes = amplitudes + Factored.of(normal.information).solve(normal.gradient)
+                amplitudes = amplitudes.clamp(lower, upper)
+                change = amplitudes - theta[chosen]
+                cost = cost - 2 * (normal.gradient * change).sum(0) + _quadratic(normal.information, change)
             trial = torch.empty_like(theta)
             trial[chosen] = amplitudes
             for name, value in node.shapes.items():
                 trial[self.texels.at(name)] = value
             trials.append(trial)
-            costs.append(gram.normal(node.model.coefficients(amplitudes), ()).cost)
+            costs.append(cost)
         return Trials(torch.stack(trials), torch.stack(costs))
 
     def _node_sums(self, problem: TexelProblem, theta: Tensor) -> Iterator[TexelGram]:
@@ -263,12 +290,16 @@ class TexelFitter:
             theta, cost = nodes.theta[0].clone(), torch.full_like(nodes.cost[0], torch.inf)
             if len(places := (starts >= 0).nonzero()[:, 0]):
                 first = nodes.theta[starts[places], :, places].T
-                theta[:, places], cost[places] = self._descended(problem.some(places), first, prior.some(places))
+                theta[:, places], cost[places] = self._descended(
+                    problem.some(places), first, prior.some(places), _ROUGH_END
+                )
             thetas.append(theta)
             costs.append(cost)
         return Trials(torch.stack(thetas), torch.stack(costs))
 
-    def _descended(self, problem: TexelProblem, theta: Tensor, prior: TexelPrior) -> tuple[Tensor, Tensor]:
+    def _descended(
+        self, problem: TexelProblem, theta: Tensor, prior: TexelPrior, end: float = _END
+    ) -> tuple[Tensor, Tensor]:
         """The end of a descent from θ, by Levenberg-Marquardt steps of every texel, and the cost there [n]."""
         rows, lower, upper = self.texels.rows, self._lower, self._upper
         theta = theta.clamp(lower, upper)
@@ -285,7 +316,7 @@ class TexelFitter:
             now = torch.where(better, trial, now)
             here = TexelNormal(*(torch.where(better, new, old) for new, old in zip(there, here, strict=True)))
             damping = damping * torch.where(better, _SUCCESS, _FAILURE)
-            goes_on = fall > _END
+            goes_on = fall > end
             if not bool(goes_on.all()):
                 theta[:, going], cost[going] = now, here.cost
                 left = goes_on.nonzero()[:, 0]

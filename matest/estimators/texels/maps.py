@@ -18,7 +18,7 @@ from torch import Tensor
 from matest.estimators.covariance import Covariance, fisher
 from matest.estimators.levenberg_marquardt import at_bound, moved
 from matest.estimators.moments import SCORES
-from matest.estimators.texels.elimination import Elimination
+from matest.estimators.texels.elimination import CommonSums, Elimination
 from matest.estimators.texels.fit import TexelFitter, TileFit
 from matest.estimators.texels.regions import Regions
 from matest.estimators.texels.some import Knowledge, descend, regions_of, step
@@ -164,7 +164,7 @@ def fit_maps(
         fitter = TexelFitter(texels, here, sample.residual_scale)
         sums = _over_all(fitter, knowledge, tiles, out)
         sums = sums._replace(scores=sums.scores + knowledge.bend * count)
-        here, is_linear = out.step(texels, here, sums, elimination.information)
+        here, is_linear = out.step(texels, here, sums, elimination.sums().information)
         if is_linear:
             break
     return out.fit(texels, here, sums, knowledge, sample.residual_scale, count, converged=is_linear)
@@ -185,39 +185,53 @@ def _over_all(fitter: TexelFitter, known: Knowledge, tiles: TexelTiles, out: _Ma
     def work(get: Callable[[], TexelTile]) -> list[_TileSums]:
         with torch.no_grad():
             tile = get()
-            fit, own, counted = shared(fitter, fitter.fit(tile, known.regions.weak_prior(len(tile))), known)
-            elimination = Elimination.of(fitter, fit, counted)
-            variance = elimination.covariance.diagonal().T
+            fit, own, counted, elimination = shared(
+                fitter, fitter.fit(tile, known.regions.weak_prior(len(tile))), known
+            )
+            variance = elimination.variance
             told = (1 - fit.prior.precision * variance).clamp(0, 1)
             if fit.trials is not None:
                 among = variance_among_trials(fit, known.inflation)
                 variance = torch.where(own, variance, torch.maximum(variance, among))
             out.put(tile, fit.theta, variance, elimination, own)
             sums = totals(tile, fit.problem.squares, fit.radiance)
-            return [_TileSums(elimination.information, elimination.scores, sums, float(told.sum()))]
+            return [_TileSums(*elimination.sums(counted), sums, float(told.sum()))]
 
     parts = list(in_groups(work, tiles))
     return _TileSums(*(sum(column) for column in zip(*parts, strict=True)))
 
 
-def shared(fitter: TexelFitter, fit: TileFit, known: Knowledge) -> tuple[TileFit, Tensor, Tensor | None]:
+class SharedFit(NamedTuple):
+    """The solution of a tile where what a texel does not tell is that of its region.
+
+    Attributes:
+        fit: of the texels.
+        own: what they tell of their own [T, n].
+        counted: which of them tell of the unknowns in common [n]; None: all.
+        elimination: of them.
+    """
+
+    fit: TileFit
+    own: Tensor
+    counted: Tensor | None
+    elimination: Elimination
+
+
+def shared(fitter: TexelFitter, fit: TileFit, known: Knowledge) -> SharedFit:
     """The solution where what a texel does not tell is that of its region.
 
     Shapes come first: an amplitude is told with its shape known, whatever that is known from.
-
-    Returns:
-        The solution, what texels tell of their own [T, n], and which of them tell of the unknowns in common [n].
     """
     texels, regions, inflation = fitter.texels, known.regions, known.inflation
     labels = regions.labels(fit.theta)
     limits = regions.limits(labels)
     own, counted = torch.ones_like(fit.theta, dtype=torch.bool), None
+    elimination = Elimination.of(fitter, fit)
     is_shape = torch.tensor([row.name in texels.shapes for row in texels.rows])
     for some in (is_shape, ~is_shape):
         if not bool(some.any()):
             continue
-        elimination = Elimination.of(fitter, fit)
-        std = (inflation * elimination.covariance.diagonal().T).sqrt()
+        std = (inflation * elimination.variance).sqrt()
         untold = some[:, None] & (std > limits)
         if fit.trials is not None and some is is_shape:
             untold |= some[:, None] & ambiguous(fit, std, inflation)
@@ -225,7 +239,8 @@ def shared(fitter: TexelFitter, fit: TileFit, known: Knowledge) -> tuple[TileFit
         own &= ~untold
         if places := untold.any(0).nonzero()[:, 0].tolist():
             fit = fitter.with_prior(fit, regions.prior(labels, own), torch.tensor(places))
-    return fit, own, counted
+            elimination = Elimination.of(fitter, fit)
+    return SharedFit(fit, own, counted, elimination)
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,7 +278,7 @@ class _Maps:
             sums: of all tiles.
             sample: information of some texels on the unknowns in common [S, S], that u [P] is from.
         """
-        change, _ = step(texels, unknowns, sums.information, sums.scores)
+        change, _ = step(texels, unknowns, CommonSums(sums.information, sums.scores))
         inside = change[texels.common_places]
         follows = torch.einsum("tsn,s->tn", self.moves, inside.float())
         torch.clamp(self.theta + follows, texels.lower.float(), texels.upper.float(), out=self.theta)

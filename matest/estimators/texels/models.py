@@ -139,13 +139,13 @@ class ShadedTexels:
 
     def columns(self, tile: TexelTile, theta: Tensor) -> Columns:
         """See `TexelModel`."""
-        own = {name: theta[self._texels.at(name)].T.repeat(tile.images, 1)[:, None] for name in self._texels.shapes}
+        own = {name: theta[self._texels.at(name)].T[None, :, None] for name in self._texels.shapes}
         ties = {name: own[source] for name, source in self._texels.problem.ties.items() if source in own}
         return self._basis.of_samples(own | ties).columns(Tile(tile.batch))
 
     def node_columns(self, tile: TexelTile, nodes: Sequence[Node]) -> Iterator[Columns]:
         """See `TexelModel`."""
-        batch = tile.batch
+        batch = tile.in_a_row
         together = max(_EVALUATED_TOGETHER // max(len(batch) * batch.points.wi.shape[-2], 1), 1)
         for first in range(0, len(nodes), together):
             points = [self._at_node(node) for node in nodes[first : first + together]]
@@ -194,7 +194,7 @@ class _TexelBasis(TangentBasis):
     _in_common: TangentBasis | None = None
 
     def of_samples(self, values: Mapping[str, Tensor]) -> _TexelBasis:
-        """The same basis where some shape parameters have values [n, 1, 1 or C] at the samples."""
+        """The same basis where some shape parameters have values [1, n, 1, 1 or C] at the points of a grid."""
         out = copy(self)
         out._in_common = self
         out._values = {**self._values, **values}

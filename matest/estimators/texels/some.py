@@ -12,13 +12,13 @@ from torch import Tensor
 from matest.estimators.covariance import fisher
 from matest.estimators.levenberg_marquardt import at_bound, moved
 from matest.estimators.moments import SCORES
-from matest.estimators.texels.elimination import Elimination
+from matest.estimators.texels.elimination import CommonSums, Elimination
 from matest.estimators.texels.fit import TexelFitter, TexelProblem, TileFit
 from matest.estimators.texels.regions import Regions
 from matest.estimators.texels.trust import Reliable, ambiguous, curvature, totals
 from matest.estimators.texels.unknowns import TexelUnknowns
 from matest.samples.likelihood import LeastSquares, deviations
-from matest.samples.residual_scale import NOISE_ALONE, ResidualScale, half_angle
+from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
 from matest.samples.texels import TexelTile
 
 # Steps of the parameters in common over the samples of some texels.
@@ -52,10 +52,10 @@ def descend(texels: TexelUnknowns, unknowns: Tensor, tile: TexelTile) -> SomeTex
     for _ in range(_STEPS):
         values = fit.radiance
         scale, inflation = _scale(tile, values), _inflation(tile, fit.problem.squares, values, len(texels.rows))
-        elimination = Elimination.of(fitter, fit)
+        elimination, counted = Elimination.of(fitter, fit), None
         if fit.trials is not None and texels.common:
-            elimination = Elimination.of(fitter, fit, Reliable.of(fitter, fit, elimination, inflation).counted)
-        change, length = step(texels, unknowns, elimination.information, elimination.scores)
+            counted = Reliable.of(fitter, fit, elimination, inflation).counted
+        change, length = step(texels, unknowns, elimination.sums(counted))
         unknowns = moved(texels.problem, unknowns, change)
         theta = fit.theta + torch.einsum("tsn,s->tn", elimination.moves, change[texels.common_places].float())
         fitter = TexelFitter(texels, unknowns, scale)
@@ -90,7 +90,7 @@ class Knowledge:
         bend = 0.5 * curvature(fitter, fit, elimination, sample.inflation)
         bent = TexelProblem.of(fit.problem, fit.problem.squares._replace(response=fit.radiance + bend), fit.theta)
         there = replace(fit, problem=bent, prior=fit.prior._replace(mean=fit.theta))
-        scores = Elimination.of(fitter, there, reliable.counted).scores
+        scores = Elimination.of(fitter, there).sums(reliable.counted).scores
         return cls(regions, sample.inflation, reliable.limit, scores / len(fit.tile))
 
 
@@ -117,31 +117,29 @@ def regions_of(
             break
         shared = descend(texels.without_shapes(), in_common.fitter.unknowns, fit.tile.some(places))
         values[:, region] = shared.fitter.unknowns[texels.places]
-    std = (sample.inflation * elimination.covariance.diagonal().T).sqrt()
+    std = (sample.inflation * elimination.variance).sqrt()
     if fit.trials is not None:
         std = torch.where(ambiguous(fit, std, sample.inflation), math.inf, std)
     return found.filled(labels, theta, std, values)
 
 
-def step(texels: TexelUnknowns, unknowns: Tensor, information: Tensor, scores: Tensor) -> tuple[Tensor, float]:
+def step(texels: TexelUnknowns, unknowns: Tensor, sums: CommonSums) -> tuple[Tensor, float]:
     """The step of the unknowns in common, 0 at the others [P], and its length in standard errors of the noise."""
     places, problem = texels.common_places, texels.problem
-    every = torch.zeros(problem.size, dtype=torch.float64).index_copy_(0, places, scores)
+    every = torch.zeros(problem.size, dtype=torch.float64).index_copy_(0, places, sums.scores)
     free = ~at_bound(problem, unknowns, every)[places]
     step = torch.zeros(problem.size, dtype=torch.float64)
-    step[places] = fisher(information, free).matrix @ scores
+    step[places] = fisher(sums.information, free).matrix @ sums.scores
     change = (moved(problem, unknowns, step) - unknowns)[places]
     step = torch.zeros_like(step).index_copy_(0, places, change)
-    return step, math.sqrt(max(float(change @ information @ change), 0.0))
+    return step, math.sqrt(max(float(change @ sums.information @ change), 0.0))
 
 
 def _scale(tile: TexelTile, values: Tensor) -> ResidualScale:
     """The scale of the residuals of a tile from radiance [I·n, C]."""
     rows = tile.usable.nonzero()[:, 0]
-    batch = tile.batch[rows]
-    return ResidualScale.of(
-        half_angle(batch.points).expand(len(batch)), deviations(values[rows], batch.radiance, batch.noise)
-    )
+    sizes = deviations(values[rows], tile.radiance[rows], tile.noise[rows])
+    return ResidualScale.of(tile.half_angles[rows], sizes)
 
 
 def _inflation(tile: TexelTile, squares: LeastSquares, values: Tensor, unknowns: int) -> float:

@@ -46,7 +46,7 @@ class Reliable:
         cls, fitter: TexelFitter, fit: TileFit, elimination: Elimination, inflation: float, limit: float | None = None
     ) -> Reliable:
         """Those whose shapes are known to `limit`; None: one that a quarter of the texels meets, if not more."""
-        std = (inflation * elimination.covariance.diagonal().T).sqrt()
+        std = (inflation * elimination.variance).sqrt()
         is_shape = torch.tensor([row.name in fitter.texels.shapes for row in fitter.texels.rows])
         relative = (std[is_shape] / fit.theta[is_shape].abs().clamp(min=_TINY)).amax(0)
         if limit is None:
@@ -103,11 +103,11 @@ def _root(matrices: Tensor) -> Tensor:
 def totals(tile: TexelTile, squares: LeastSquares, values: Tensor) -> Tensor:
     """Sums of the `SCORES` of the usable samples of a tile, for radiance [I·n, C]."""
     # Others count as if they were nothing.
-    rows = tile.usable[:, None]
-    response, errors = torch.where(rows, squares.response, 0.0), squares.errors
+    rows = tile.usable[:, None].to(values)
+    response, errors = squares.response * rows, squares.errors
     if errors is not None:
-        errors = errors._replace(usable=errors.usable & rows)
-    residual = response - torch.where(rows, values, 0.0)
+        errors = errors._replace(usable=errors.usable & tile.usable[:, None])
+    residual = response - values * rows
     least = squares._replace(response=response, errors=errors)
     totals = score_sums(least, squares.weight.T, residual.T, [slice(0, len(rows))])[0]
     missing = int((~tile.usable).sum())

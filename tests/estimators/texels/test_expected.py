@@ -33,10 +33,10 @@ def dense(found: ExpectedTexels) -> torch.Tensor:
     tile, chosen = found.tile, found.texels.problem
 
     def radiance(unknowns: torch.Tensor) -> torch.Tensor:
-        return shade(chosen.material(unknowns), tile.batch.points)
+        return shade(chosen.material(unknowns), tile.in_a_row.points)
 
     jacobian = torch.autograd.functional.jacobian(radiance, found.unknowns)
-    weight = tile.batch.weight(radiance(found.unknowns)) * tile.usable[:, None]
+    weight = tile.in_a_row.weight(radiance(found.unknowns)) * tile.usable[:, None]
     every = torch.einsum("icp,ic,icq->ipq", jacobian, weight, jacobian)
     return every.unflatten(0, (tile.images, -1)).sum(0)
 
@@ -84,10 +84,10 @@ def test_variances_of_texels_are_those_of_their_samples(name: str) -> None:
 
 def test_what_a_tile_is_said_to_measure_takes_the_place_of_what_it_did() -> None:
     tile: TexelTile = expected("oren-nayar", ("albedo",), 3).tile
-    bright = tile.measuring(torch.full_like(tile.batch.radiance, 1e3))
-    assert bright.batch.noise.clipped is not None
-    assert bool((bright.batch.noise.clipped == 1).all())
-    assert not bool((tile.batch.noise.clipped == 1).any())  # type: ignore[union-attr]
+    bright = tile.measuring(torch.full_like(tile.radiance, 1e3))
+    assert bright.noise.clipped is not None
+    assert bool((bright.noise.clipped == 1).all())
+    assert not bool((tile.noise.clipped == 1).any())  # type: ignore[union-attr]
     some = tile.of_images([2, 0])
     n = len(tile)
-    torch.testing.assert_close(some.batch.radiance, tile.batch.radiance[[*range(2 * n, 3 * n), *range(n)]])
+    torch.testing.assert_close(some.radiance, tile.radiance[[*range(2 * n, 3 * n), *range(n)]])
