@@ -25,6 +25,14 @@ def check(
     at: Annotated[
         list[str] | None, typer.Option(metavar="NAME=VALUE", help="Predict for this value of an estimated parameter.")
     ] = None,
+    maps: Annotated[
+        str,
+        typer.Option(
+            metavar="PARAM,...",
+            help="Say what each number of the photographs allows of maps of these parameters: albedo,sigma.",
+            show_default=False,
+        ),
+    ] = "",
     fix: arguments.Fix = None,
     free: arguments.Free = None,
     tie: arguments.Tie = None,
@@ -46,7 +54,8 @@ def check(
     """
     from matest import identifiability
 
-    options = arguments.options(model, fix, free, tie, transfer, uncertainty=arguments.uncertainty(uncertainty))
+    stated = arguments.uncertainty(uncertainty)
+    options = arguments.options(model, fix, free, tie, transfer, uncertainty=stated, maps=maps)
     assumed = dict(arguments.assignment(text, "--at") for text in at or [])
     camera_noise = None if noise is None else arguments.noise(noise)
     with progress(str(capture)) as say:

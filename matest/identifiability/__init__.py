@@ -3,6 +3,7 @@
 from matest.identifiability.advice import LightAdvice
 from matest.identifiability.calibration import CalibrationError, CalibrationLimit
 from matest.identifiability.facade import Check, check, check_with
+from matest.identifiability.maps import MapForecast, MappedParameter, MapsForecast, SomePhotographs
 from matest.identifiability.plan import Plan, load_plan
 from matest.identifiability.predictions import Prediction
 
@@ -11,8 +12,12 @@ __all__ = [
     "CalibrationLimit",
     "Check",
     "LightAdvice",
+    "MapForecast",
+    "MappedParameter",
+    "MapsForecast",
     "Plan",
     "Prediction",
+    "SomePhotographs",
     "check",
     "check_with",
     "load_plan",

@@ -18,6 +18,7 @@ from matest.identifiability.advice import LightAdvice, advise
 from matest.identifiability.calibration import CalibrationError, CalibrationLimit, Stated
 from matest.identifiability.forecast import as_estimated, at_levels, bent_names, predicted_samples
 from matest.identifiability.highlight import Nearness
+from matest.identifiability.maps import MapsForecast, forecast_maps
 from matest.identifiability.nominal import Nominal
 from matest.identifiability.plan import Plan, with_full_scale_for
 from matest.identifiability.predictions import Prediction, predictions
@@ -51,6 +52,8 @@ class Check:
             would do it if there were any.
         limits: what limits the parameters whose error bars are mostly due to stated errors, at most three.
         understood: how the files were read, a clause for each convention: axes, transfer, units, lights, scale.
+        maps: what each number of the photographs allows where parameters have a value at every pixel; None where none
+            was asked for.
     """
 
     capture: str
@@ -67,6 +70,7 @@ class Check:
     calibration: dict[str, CalibrationError]
     limits: list[CalibrationLimit]
     understood: dict[str, str]
+    maps: MapsForecast | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """The content of `matest check --json`."""
@@ -83,6 +87,7 @@ def check(
     at: Mapping[str, Value] | None = None,
     noise: tuple[float, float] | None = None,
     uncertainty: Uncertainty | Mapping[str, float | Sequence[float]] | None = None,
+    maps: str | Sequence[str] = (),
     progress: Progress = silent,
 ) -> Check:
     """Standard errors that `estimate` will report, predicted from geometry, lights, noise and values of the material.
@@ -103,15 +108,18 @@ def check(
         noise: read and gain instead of the plan's: variance = read² + gain·signal, in fractions of full scale.
         uncertainty: one standard deviation of what the calibration states, as for `estimate`; it comes before the
             plan's own.
+        maps: parameters that are to have a value at every pixel, as for `estimate`; see `Check.maps`.
         progress: called with a word, and how much of it is done.
 
     Raises:
         InputError: unknown names, values or uncertainties outside their domains, impossible constraints, nothing left
-            to estimate, a model that cannot be estimated under lights of unknown strength.
+            to estimate, a parameter that cannot have a map, a model that cannot be estimated under lights of unknown
+            strength.
     """
     plan = Plan.of(plan) if isinstance(plan, Capture) else plan
     plan = plan if noise is None else plan.with_noise(*noise)
-    options = Options(model=model, fix=fix or {}, free=free, tie=tie or {}, uncertainty=as_uncertainty(uncertainty))
+    stated = as_uncertainty(uncertainty)
+    options = Options(model=model, fix=fix or {}, free=free, tie=tie or {}, uncertainty=stated, maps=maps)
     return check_with(plan, options, at or {}, progress)
 
 
@@ -126,6 +134,9 @@ def check_with(plan: Plan, options: Options, at: Mapping[str, Value], progress: 
     photographs = plan.photographs if plan.exposed else with_full_scale_for(nominal.material, plan.photographs)
     samples = predicted_samples(photographs, nominal.problem, nominal.unknowns)
     forecast, all_free = as_estimated(samples, nominal)
+    held, maps = nominal.specification.default_held, None
+    if options.maps:
+        maps = forecast_maps(samples, forecast, options.maps, nominal.levels, held, progress)
     stated = Stated(options, plan.uncertainty)
     bent = bent_names(forecast, samples)
     errors = stated.errors(forecast, samples, bent)
@@ -148,6 +159,7 @@ def check_with(plan: Plan, options: Options, at: Mapping[str, Value], progress: 
         calibration=errors.by_family,
         limits=errors.limits,
         understood=plan.understood,
+        maps=maps,
     )
 
 

@@ -64,12 +64,8 @@ class Forecast:
 
     @property
     def references(self) -> Tensor:
-        """What standard errors are compared with [P]: the values; where one is zero, the width of its domain."""
-        sizes = self.unknowns.abs().clone()
-        for name, place in self.problem.where.items():
-            width = self.problem.declared(name).domain.width
-            sizes[place] = torch.where(sizes[place] > 0, sizes[place], width if math.isfinite(width) else 1.0)
-        return sizes
+        """What standard errors are compared with [P]."""
+        return references(self.problem, self.unknowns)
 
     @property
     def relative_std(self) -> Tensor:
@@ -99,6 +95,15 @@ class Forecast:
     def by_noise(self) -> Forecast:
         """The same without errors of the calibration."""
         return self if self.budget is None else replace(self, budget=None)
+
+
+def references(problem: Problem, unknowns: Tensor) -> Tensor:
+    """What standard errors of u [P] are compared with: the values; where one is zero, the width of its domain."""
+    sizes = unknowns.abs().clone()
+    for name, place in problem.where.items():
+        width = problem.declared(name).domain.width
+        sizes[place] = torch.where(sizes[place] > 0, sizes[place], width if math.isfinite(width) else 1.0)
+    return sizes
 
 
 def predicted_samples(photographs: Photographs, problem: Problem, unknowns: Tensor) -> PhotographSamples:

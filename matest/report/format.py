@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from matest.estimation.parameter_map import ParameterMap, TexelStatus
 from matest.estimation.result import Candidate
@@ -29,6 +29,8 @@ _STATUSES = {
 }
 # Relative error from which on a multiple is read more easily than per cent.
 _LARGE_SHARE = 10.0
+# Relative error that says no more than a larger one.
+_HOPELESS = 100.0
 
 
 def measured(value: float | None, std: float | None) -> str:
@@ -130,3 +132,23 @@ def _span(ends: list[float], suffix: str) -> str:
 def _decimals(uncertainty: float) -> int:
     """Decimals that show two digits of an uncertainty, nine at most."""
     return min(max(1 - math.floor(math.log10(uncertainty)), 0), 9)
+
+
+def percent(value: float | None) -> str:
+    """A relative error in per cent with two digits; `-` where there is none."""
+    if value is None:
+        return "-"
+    if value > _HOPELESS:
+        return f"> {100 * _HOPELESS:.0f}%"
+    return f"{100 * value:.2g}%" if value < 0.995 else f"{100 * value:.0f}%"
+
+
+def short(name: str, names: Iterable[str]) -> str:
+    """The last part of a path, unless another one has the same."""
+    last = name.rpartition(".")[2]
+    return name if sum(other.rpartition(".")[2] == last for other in names) > 1 else last
+
+
+def listed(names: Sequence[str]) -> str:
+    """`albedo, sigma and f0`."""
+    return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else "".join(names)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 
 from rich.console import Group
 from rich.table import Column, Table
@@ -11,6 +10,8 @@ from rich.text import Text
 
 from matest.identifiability import CalibrationError, CalibrationLimit, Check, LightAdvice, Prediction
 from matest.inference.quantities import Number
+from matest.report.format import percent, short
+from matest.report.map_forecast import maps_report
 from matest.report.tables import add_parameters, in_colour, plain_table
 from matest.samples.uncertainty import labelled
 
@@ -37,6 +38,7 @@ def check_report(check: Check) -> Group:
         *reasons,
         *limits,
         *_calibration(check),
+        *(maps_report(check.maps) if check.maps is not None else []),
         *_light(check),
         *_basis(check),
         *warnings,
@@ -77,8 +79,8 @@ def _limit(limit: CalibrationLimit) -> str:
     """What limits a parameter, and what knowing it better would bring."""
     size, better = (_as_stated(number, limit.unit) for number in (limit.size, limit.better))
     return (
-        f"{limit.parameter} ± {_percent(limit.relative)}, of which {_percent(limit.part)} from "
-        f"{labelled(limit.family)} ({size}): known to {better}, ± {_percent(limit.then)}."
+        f"{limit.parameter} ± {percent(limit.relative)}, of which {percent(limit.part)} from "
+        f"{labelled(limit.family)} ({size}): known to {better}, ± {percent(limit.then)}."
     )
 
 
@@ -94,7 +96,7 @@ def _calibration(check: Check) -> list[Text | Table]:
     if not most:
         return []
     shown = sorted(most, key=lambda name: -most[name])[:_MAX_COLUMNS]
-    names = {name: _short(name, most) for name in most if name in shown}
+    names = {name: short(name, most) for name in most if name in shown}
     table = plain_table(
         Column("error of", min_width=_NAME_WIDTH),
         Column("size", no_wrap=True),
@@ -102,11 +104,11 @@ def _calibration(check: Check) -> list[Text | Table]:
         title="What errors of the calibration would do",
     )
     for family, error in errors.items():
-        cells = ("-" if error.relative[name] < _NOTHING else _percent(error.relative[name]) for name in names)
+        cells = ("-" if error.relative[name] < _NOTHING else percent(error.relative[name]) for name in names)
         table.add_row(labelled(family), _size(error) + " *" * error.stated, *cells)
     family, error = next(iter(errors.items()))
     worst = max(error.relative, key=lambda name: error.relative[name])
-    move = f"{labelled(family)} matters most: {_size(error)} moves {worst} by {_percent(error.relative[worst])}."
+    move = f"{labelled(family)} matters most: {_size(error)} moves {worst} by {percent(error.relative[worst])}."
     legend = " * as stated; the predicted errors hold it." if any(error.stated for error in errors.values()) else ""
     rest = f" {len(most) - len(names)} more parameters: --json." if len(most) > len(names) else ""
     return [table, Text(move + legend + rest)]
@@ -115,12 +117,6 @@ def _calibration(check: Check) -> list[Text | Table]:
 def _affected(check: Check) -> list[str]:
     """The determined parameters, on which errors of the calibration have an effect."""
     return list(dict.fromkeys(name for error in check.calibration.values() for name in error.relative))
-
-
-def _short(name: str, names: Iterable[str]) -> str:
-    """The last part of a path, unless another one has the same."""
-    last = name.rpartition(".")[2]
-    return name if sum(other.rpartition(".")[2] == last for other in names) > 1 else last
 
 
 def _size(error: CalibrationError) -> str:
@@ -191,7 +187,7 @@ def _direction(light: LightAdvice) -> Text:
             f"{math.degrees(light.from_camera):.0f}° off the camera, "
             f"{math.degrees(light.azimuth) % 360:.0f}° counterclockwise from the image's right"
         )
-    before, after = (_percent(value) for value in light.worst)
+    before, after = (percent(value) for value in light.worst)
     largest = f": largest relative error {before} -> {after}" if not light.resolves else ""
     return Text(f"Next light: direction = [{x:.3f}, {y:.3f}, {z:.3f}], {place}{largest}.")
 
@@ -227,14 +223,6 @@ def _error(std: float | None, unit: str) -> str:
 
 def _relative(prediction: Prediction) -> str:
     if prediction.range is None:
-        return _percent(prediction.relative)
-    low, high = (_percent(value) for value in prediction.range)
-    return f"{_percent(prediction.relative)} ({low} to {high})"
-
-
-def _percent(value: float | None) -> str:
-    if value is None:
-        return "-"
-    if value > 100:
-        return "> 10000%"
-    return f"{100 * value:.2g}%" if value < 0.995 else f"{100 * value:.0f}%"
+        return percent(prediction.relative)
+    low, high = (percent(value) for value in prediction.range)
+    return f"{percent(prediction.relative)} ({low} to {high})"

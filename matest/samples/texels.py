@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import torch
@@ -89,6 +89,31 @@ class TexelTile:
             self.noise[rows],
             self.usable[rows],
         )
+
+    def of_images(self, images: Sequence[int]) -> TexelTile:
+        """The same texels in some of the images, by their places."""
+        places, points = list(images), self.points
+
+        def at(part: Tensor) -> Tensor:
+            return part if part.shape[0] == 1 else part[places]
+
+        rows = torch.arange(len(self.radiance)).unflatten(0, (self.images, -1))[places].flatten()
+        ambient = None if points.ambient is None else at(points.ambient)
+        return TexelTile(
+            self.texels,
+            Points(at(points.wi), at(points.wo), at(points.irradiance), ambient),
+            self.radiance.T[:, rows].T,
+            self.noise[rows],
+            self.usable[rows],
+        )
+
+    def measuring(self, radiance: Tensor) -> TexelTile:
+        """The same texels where a sensor without noise has measured some radiance [I·n, C]."""
+        clipped = None
+        if self.noise.limits is not None:
+            lower, upper = self.noise.limits
+            clipped = (radiance >= upper).to(torch.int8) - (radiance <= lower).to(torch.int8)
+        return replace(self, radiance=radiance, noise=replace(self.noise, clipped=clipped))
 
     def rows_of(self, places: Tensor) -> Tensor:
         """The samples of some of the texels, int64 [I·m]."""

@@ -104,6 +104,22 @@ def test_stated_errors_of_the_calibration_widen_the_predicted_ones(run: Run, pla
     assert ambient["adds"]["sigma"] == pytest.approx(0.4 * ambient["relative"]["sigma"])
 
 
+def test_what_each_number_of_photographs_allows_of_maps_fits_eighty_columns(run: Run, tmp_path: Path) -> None:
+    material = scenes.material("oren-nayar", albedo=0.6, sigma=0.45)
+    file = scenes.write(tmp_path, material, scenes.sphere(48), scenes.noise(), scenes.distant(scenes.LIGHTS[:3]))
+    code, out, err = run(file, "--maps", "albedo,sigma")
+    assert (code, err) == (0, "")
+    assert max(len(line) for line in out.splitlines()) <= 80
+    told = " ".join(out.split())
+    assert "One photograph tells albedo at" in told
+    assert "for a given sigma, which it does not tell" in told
+    rows = json.loads(run(file, "--maps", "albedo,sigma", "--json")[1])["maps"]["photographs"]
+    assert [len(row["images"]) for row in rows] == [1, 2, 3]
+    assert rows[0]["maps"]["sigma"]["known"] == 0
+    assert rows[-1]["maps"]["albedo"]["known"] > 0.95 * rows[-1]["lit"]
+    assert json.loads(run(file, "--json")[1])["maps"] is None
+
+
 def test_a_scene_brings_its_own_model_and_values(run: Run, tmp_path: Path) -> None:
     material = scenes.material("oren-nayar", albedo=0.6, sigma=0.45)
     file = scenes.write(tmp_path, material, scenes.sphere(48), scenes.noise(), scenes.distant(scenes.LIGHTS[:2]))
@@ -125,6 +141,7 @@ def test_a_scene_brings_its_own_model_and_values(run: Run, tmp_path: Path) -> No
         (("--uncertainty", "radios=1"), "--uncertainty: unknown uncertainty 'radios'"),
         (("--uncertainty", "direction=1"), "1° is 0.0175 rad"),
         (("--noise", "0,0"), "both zero"),
+        (("--model", "oren-nayar", "--maps", "gloss"), "--maps gloss: oren-nayar estimates no such parameter"),
     ],
 )
 def test_bad_input_is_refused_in_one_sentence(run: Run, planned: Path, options: tuple[str, ...], expected: str) -> None:

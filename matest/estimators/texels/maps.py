@@ -152,7 +152,9 @@ def fit_maps(
     """
     progress("fitting some texels")
     texels = TexelUnknowns(problem, tuple(mapped))
-    in_common = descend(texels.without_shapes(), unknowns, few) if texels.shapes else None
+    amplitudes = texels.without_shapes()
+    # With nothing but shapes mapped, the fit with one value for all texels is that already.
+    in_common = descend(amplitudes, unknowns, few) if texels.shapes and amplitudes.mapped else None
     sample = descend(texels, unknowns if in_common is None else in_common.fitter.unknowns, few)
     elimination = Elimination.of(sample.fitter, sample.fit)
     found = regions_of(sample, elimination, in_common, regions, seed)
@@ -185,7 +187,7 @@ def _over_all(fitter: TexelFitter, known: Knowledge, tiles: TexelTiles, out: _Ma
     def work(get: Callable[[], TexelTile]) -> list[_TileSums]:
         with torch.no_grad():
             tile = get()
-            fit, own, counted, elimination = _shared(
+            fit, own, counted, elimination = shared(
                 fitter, fitter.fit(tile, known.regions.weak_prior(len(tile))), known
             )
             variance = elimination.variance
@@ -201,7 +203,7 @@ def _over_all(fitter: TexelFitter, known: Knowledge, tiles: TexelTiles, out: _Ma
     return _TileSums(*(sum(column) for column in zip(*parts, strict=True)))
 
 
-class _SharedFit(NamedTuple):
+class SharedFit(NamedTuple):
     """The solution of a tile where what a texel does not tell is that of its region.
 
     Attributes:
@@ -217,7 +219,7 @@ class _SharedFit(NamedTuple):
     elimination: Elimination
 
 
-def _shared(fitter: TexelFitter, fit: TileFit, known: Knowledge) -> _SharedFit:
+def shared(fitter: TexelFitter, fit: TileFit, known: Knowledge) -> SharedFit:
     """The solution where what a texel does not tell is that of its region.
 
     Shapes come first: an amplitude is told with its shape known, whatever that is known from.
@@ -244,7 +246,7 @@ def _shared(fitter: TexelFitter, fit: TileFit, known: Knowledge) -> _SharedFit:
         if places := untold.any(0).nonzero()[:, 0].tolist():
             fit = fitter.with_prior(fit, regions.prior(labels, own), torch.tensor(places))
             elimination = Elimination.of(fitter, fit)
-    return _SharedFit(fit, own, counted, elimination)
+    return SharedFit(fit, own, counted, elimination)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,8 +14,8 @@ from matest.estimators.texels.fit import TexelPrior
 from matest.estimators.texels.unknowns import TexelUnknowns
 
 # Standard error, relative to the value of the region, up to which a texel tells an amplitude, and a shape.
-_AMPLITUDE_TOLD = 0.5
-_SHAPE_TOLD = 0.25
+AMPLITUDE_TOLD = 0.5
+SHAPE_TOLD = 0.25
 # Least scatter of the values of a region, relative to the domain: the region's value is no better known.
 _LEAST_SPREAD = 1e-3
 # Scatter of values where a texel does not tell one, relative to the value of the region.
@@ -100,7 +100,7 @@ class Regions:
 
         One that is less than the scatter of a region says more than the region does.
         """
-        shares = [_SHAPE_TOLD if row.name in self.texels.shapes else _AMPLITUDE_TOLD for row in self.texels.rows]
+        shares = [SHAPE_TOLD if row.name in self.texels.shapes else AMPLITUDE_TOLD for row in self.texels.rows]
         limits = self.values.abs() * torch.tensor(shares, dtype=torch.float64)[:, None]
         limits = torch.maximum(limits, torch.where(self.spreads < self._unknown, self.spreads, 0.0))
         return limits[:, labels]

@@ -85,6 +85,15 @@ def test_intervals_of_two_maps_hold_the_truth(rough: tuple[Brdf, MapFit], name: 
     assert 0.93 < float((errors[errors.isfinite()].abs() < 1.96).double().mean()) < 0.97
 
 
+def test_a_shape_has_a_map_though_nothing_else_has() -> None:
+    material = MATERIAL.replace({"sigma": waves(2, 0.3, 0.5)})
+    found = of_material(material, ["sigma"])
+    errors = (found.theta - material.parameters["sigma"].T.float()) / found.std
+    assert 0.93 < float((errors[errors.isfinite()].abs() < 1.96).double().mean()) < 0.97
+    albedo = found.unknowns[found.texels.common_places]
+    assert float(((albedo - torch.tensor([0.7, 0.5, 0.3])) / found.covariance.std).abs().max()) < 4
+
+
 def test_no_texel_is_stuck_at_a_wrong_slope() -> None:
     material = CookTorrance([0.5, 0.4, 0.2], 0.9, 0.2, f0=0.04).replace(
         {"diffuse": waves(3, 0.1, 0.7) * torch.tensor([[1.0, 0.7, 0.4]]), "slope": waves(4, 0.1, 0.35)}
