@@ -9,8 +9,15 @@ from matest.benchmark.instruments.photographs import sphere
 from matest.benchmark.instruments.varying import KINDS, photographed, relative_errors
 from matest.benchmark.rivals.adam_of_maps import MapContest, _stalled, descend
 from matest.brdf import Brdf
+from matest.workers import single_threaded_torch
 
 KIND = KINDS["oren-nayar, albedo"]
+
+
+@pytest.fixture(autouse=True)
+def _one_thread():
+    with single_threaded_torch():
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -29,12 +36,13 @@ def test_it_is_given_the_true_noise_and_a_start_in_the_middle(contest: tuple[Map
 
 def test_it_comes_to_the_noise_and_near_the_truth(contest: tuple[MapContest, Brdf]) -> None:
     given, truth = contest
-    run = descend(given, 0.2, 100)
+    run = descend(given, 0.1, 200)
     # Every pixel takes a degree of freedom of its few samples.
     assert 0.7 < run.loss < 1.05
-    assert float(relative_errors(run.values["albedo"], truth.parameters["albedo"]).median()) < 0.02
+    seen = given.batch.pixels.unique()
+    assert float(relative_errors(run.values["albedo"], truth.parameters["albedo"])[seen].median()) < 0.02
     assert float(run.values["sigma"]) == pytest.approx(0.4, abs=0.02)
-    assert f"learning rate 0.2, {run.steps} steps" in run.account
+    assert f"learning rate 0.1, {run.steps} steps" in run.account
 
 
 def test_it_ends_after_its_steps_and_when_its_time_is_up(contest: tuple[MapContest, Brdf]) -> None:
