@@ -18,6 +18,7 @@ SUITES = {
     "selection": "the components that auto finds, and its time against naming the model",
     "calibration": "errors that a calibration off by little causes: as they are, stated, and estimated",
     "diagnosis": "whether what is wrong with a capture is named",
+    "maps": "values at every pixel: time and memory, errors, error bars, and Adam at the same",
     "estimate": "time of 12 photographs of a megapixel against decoding them",
     "peers": "time to 1 % against other solvers",
     "frontier": "error of every solver over time",

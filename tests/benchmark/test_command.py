@@ -38,7 +38,7 @@ def test_the_captures_state_no_noise() -> None:
     with in_files(command.MODEL, images=2, size=32, mesh=True) as folder:
         file = folder / "capture.toml"
         assert "noise" in tomllib.loads(file.read_text("utf-8"))
-        command._forget_noise(file)
+        command.forget_noise(file)
         tables = tomllib.loads(file.read_text("utf-8"))
     assert "noise" not in tables
     assert len(tables["image"]) == 2

@@ -15,6 +15,7 @@ from torch import Tensor
 from torch.nn.functional import normalize
 
 from matest.benchmark.instruments.photographs import IRRADIANCE, SATURATION, turned_vase, vase
+from matest.benchmark.instruments.waves import Waves, places
 from matest.brdf import Brdf
 from matest.capture import Capture
 from matest.photographs.noise import Noise
@@ -35,10 +36,6 @@ _CHANNELS = 3
 _EXPOSED = 0.9
 # Read noise of 0.3 %, and the shot noise of 10,000 electrons at full scale: a signal-to-noise ratio of 100 there.
 _NOISE = Noise(read=0.003, gain=1e-4)
-# Waves of a random smooth field.
-_WAVES = 8
-# Cycles of these waves over the object's size: none is shorter than half of it.
-_CYCLES = (0.5, 2.0)
 
 # A change of a setting, drawn at random.
 Error = Callable[["Setting", np.random.Generator], "Setting"]
@@ -84,15 +81,6 @@ class Setting:
         )
         sky = torch.full((len(lamps), _CHANNELS), self.ambient * IRRADIANCE / math.pi, dtype=torch.float64)
         return Scene(self.surface, lamps, sky).with_shadows()
-
-    @property
-    def coordinates(self) -> np.ndarray:
-        """The object's pixels along x (right) and y (up), from the middle of its box in units of its longer side."""
-        rows, columns = np.divmod(self.surface.pixels, self.surface.shape[1])
-        places = np.stack([columns, -rows], axis=1).astype(np.float64)
-        low, high = places.min(axis=0), places.max(axis=0)
-        unit: np.ndarray = (places - (low + high) / 2) / (high - low).max()
-        return unit
 
     def radiance(self, material: Brdf, body: str) -> list[np.ndarray]:
         """What reaches the sensor, per image [H, W, C]; `body` is the parameter that `albedo` multiplies."""
@@ -219,7 +207,7 @@ def smooth_normals(angle: float) -> Error:
     """Both tangential angles of the normals are off by a smooth field, a gradient, of rms `angle` (rad) each."""
 
     def apply(setting: Setting, generator: np.random.Generator) -> Setting:
-        gradient = _Waves(generator).gradient(setting.coordinates)
+        gradient = Waves(generator).gradient(places(setting.surface))
         gradient *= angle / np.sqrt(np.mean(gradient**2))
         return _with_normals(setting, gradient)
 
@@ -239,7 +227,7 @@ def smooth_albedo(rms: float) -> Error:
     """The albedo varies smoothly about its mean, by so much."""
 
     def apply(setting: Setting, generator: np.random.Generator) -> Setting:
-        field = _Waves(generator).values(setting.coordinates)
+        field = Waves(generator).values(places(setting.surface))
         field -= field.mean()
         return replace(setting, albedo=1 + rms * field / field.std())
 
@@ -251,7 +239,7 @@ def two_regions(relative: float) -> Error:
 
     def apply(setting: Setting, generator: np.random.Generator) -> Setting:
         angle = 2 * math.pi * generator.random()
-        side = np.sign(setting.coordinates @ [math.cos(angle), math.sin(angle)])
+        side = np.sign(places(setting.surface) @ [math.cos(angle), math.sin(angle)])
         return replace(setting, albedo=1 + relative * side)
 
     return apply
@@ -284,26 +272,3 @@ def _turn(angle: float, generator: np.random.Generator) -> np.ndarray:
     axis = generator.standard_normal(3)
     matrix: np.ndarray = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis)).as_matrix()
     return matrix
-
-
-class _Waves:
-    """A random sum of cosines over places in units of the object's size."""
-
-    def __init__(self, generator: np.random.Generator) -> None:
-        turn = 2 * math.pi * generator.random(_WAVES)
-        cycles = generator.uniform(*_CYCLES, _WAVES)
-        self._vectors = 2 * math.pi * cycles[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-        self._phases = 2 * math.pi * generator.random(_WAVES)
-        self._amplitudes = generator.standard_normal(_WAVES)
-
-    def values(self, places: np.ndarray) -> np.ndarray:
-        """Its values [n] at places [n, 2]."""
-        values: np.ndarray = np.cos(places @ self._vectors.T + self._phases) @ self._amplitudes
-        return values
-
-    def gradient(self, places: np.ndarray) -> np.ndarray:
-        """Its gradient [n, 2] at places [n, 2]."""
-        slopes: np.ndarray = -np.sin(places @ self._vectors.T + self._phases) @ (
-            self._amplitudes[:, None] * self._vectors
-        )
-        return slopes

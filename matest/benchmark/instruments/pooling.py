@@ -17,7 +17,7 @@ MISSED = 0.5
 # Resamplings of the bootstrap.
 _RESAMPLINGS = 1000
 # Errors of fewer captures are held to no limit.
-_ENOUGH = 30
+ENOUGH = 30
 # Captures that a note shows.
 _EXAMPLES = 3
 
@@ -55,11 +55,20 @@ def mean_error(trials: Sequence[Trial]) -> Interval:
 
 
 def _resampled(values: list[list[float]]) -> Interval:
-    """The mean of all values, its interval by the bootstrap: captures are drawn whole, their errors depend."""
-    sums, counts = (np.array([of(one) for one in values]) for of in (sum, len))
+    """The mean of all values of all captures, and its interval."""
+    return resampled(*(np.array([of(one) for one in values]) for of in (sum, len)))
+
+
+def resampled(sums: np.ndarray, counts: np.ndarray) -> Interval:
+    """The mean of all values of K captures, its interval by the bootstrap: captures are drawn whole, errors depend.
+
+    Args:
+        sums: of the values of each capture [K].
+        counts: of these values [K].
+    """
     if not counts.sum():
         return Interval(math.nan, math.nan, math.nan)
-    drawn = np.random.default_rng(0).integers(len(values), size=(_RESAMPLINGS, len(values)))
+    drawn = np.random.default_rng(0).integers(len(counts), size=(_RESAMPLINGS, len(counts)))
     means = sums[drawn].sum(1) / np.maximum(counts[drawn].sum(1), 1)
     low, high = np.quantile(means, (0.025, 0.975))
     return Interval(float(sums.sum() / counts.sum()), float(low), float(high))
@@ -83,7 +92,7 @@ def records(suite: str, case: str, trials: Sequence[Trial], targets: Targets) ->
     yield Record(suite, case, "given", share, "1", "higher", note=_examples(suite, lost))
     if not given:
         return
-    enough, covered = len(trials) >= _ENOUGH, coverage(trials)
+    enough, covered = len(trials) >= ENOUGH, coverage(trials)
     note = _examples(suite, sorted(trials, key=lambda trial: trial.worst, reverse=True))
     limit = targets.error if enough else None
     yield from pooled("rms error", rms_error(trials), "bound", limit=limit, note=note)

@@ -10,7 +10,7 @@ import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import tomli_w
 from rich.console import Group
@@ -93,11 +93,11 @@ def measure(effort: Effort, progress: Progress) -> Iterator[Record]:
     for number, case in enumerate(cases):
         progress("whole commands", number, len(cases))
         with in_files(MODEL, images=case.images, size=case.size, mesh=case.mesh) as folder:
-            _forget_noise(folder / "capture.toml")
+            forget_noise(folder / "capture.toml")
             yield from figures(case, folder)
 
 
-def _forget_noise(file: Path) -> None:
+def forget_noise(file: Path) -> None:
     """Let a capture file state no noise."""
     tables = tomllib.loads(file.read_text("utf-8"))
     del tables["noise"]
@@ -105,23 +105,54 @@ def _forget_noise(file: Path) -> None:
 
 
 def figures(case: Case, folder: Path) -> Iterator[Record]:
-    """Records of one capture, in processor seconds; stages by the clock, as the command itself counts them."""
+    """Records of one capture."""
+    cost = cost_of(folder, "--model", MODEL)
+    seconds = {"decode": cost.decode, "imports": cost.imports, "command": cost.command, **cost.stages}
+    for metric, value in seconds.items():
+        yield Record("command", case.name, metric, value, "s")
+    yield Record("command", case.name, "peak", cost.peak, "MB", limit=case.peak_limit)
+    if case.tells_ratio:
+        yield Record("command", case.name, "command / decode", cost.ratio, "1", limit=RATIO_LIMIT, note=cost.account)
+
+
+class Cost(NamedTuple):
+    """What the whole command takes, in processor seconds.
+
+    Attributes:
+        decode: decoding the photographs, by OpenCV alone.
+        imports: of the modules that the command loads.
+        command: from the start of the process to the written result, without the imports.
+        peak: of memory, megabytes.
+        stages: by the clock, as the command itself counts them.
+    """
+
+    decode: float
+    imports: float
+    command: float
+    peak: float
+    stages: dict[str, float]
+
+    @property
+    def ratio(self) -> float:
+        """The command as a multiple of decoding."""
+        return self.command / self.decode
+
+    @property
+    def account(self) -> str:
+        """For a person."""
+        return f"{self.command:.1f} s against {self.decode:.2f} s of decoding"
+
+
+def cost_of(folder: Path, *options: str) -> Cost:
+    """What `matest estimate` with these options takes on a capture."""
     start = time.process_time()
     decode(folder)
     decoding = time.process_time() - start
     out = folder / "result"
-    arguments = ["estimate", str(folder), "--model", MODEL, "-o", str(out)]
-    taken = _last_line(_COMMAND, arguments)
+    taken = _last_line(_COMMAND, ["estimate", str(folder), *options, "-o", str(out)])
     imports = _last_line(_IMPORTS, [], json.dumps(taken["modules"]))["cpu"]
-    command = taken["cpu"] - imports
     timing = json.loads((out / "result.json").read_text("utf-8"))["timing_s"]
-    seconds = {"decode": decoding, "imports": imports, "command": command}
-    for metric, value in (*seconds.items(), *((stage, timing[stage]) for stage in STAGES)):
-        yield Record("command", case.name, metric, value, "s")
-    yield Record("command", case.name, "peak", taken["peak"], "MB", limit=case.peak_limit)
-    if case.tells_ratio:
-        note = f"{command:.1f} s against {decoding:.2f} s of decoding"
-        yield Record("command", case.name, "command / decode", command / decoding, "1", limit=RATIO_LIMIT, note=note)
+    return Cost(decoding, imports, taken["cpu"] - imports, taken["peak"], {stage: timing[stage] for stage in STAGES})
 
 
 def _last_line(program: str, arguments: Sequence[str], text: str = "") -> dict[str, Any]:
