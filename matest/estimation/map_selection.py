@@ -17,7 +17,7 @@ from matest.estimation.specification import specify_unknowns
 from matest.estimators import Problem, fit
 from matest.estimators.moments import SCORES
 from matest.estimators.texels.models import radiance, texel_model
-from matest.estimators.texels.some import descend
+from matest.estimators.texels.some import descend, started
 from matest.estimators.texels.trust import totals
 from matest.estimators.texels.unknowns import TexelUnknowns
 from matest.progress import Progress
@@ -132,7 +132,8 @@ def _errors(
     start = fit(problem, fitted, options.seed, precision=_PRECISION)
     texels = TexelUnknowns(start.problem, tuple(name for name in problem.free if name in mapped))
     with torch.no_grad():
-        sample = descend(texels, start.unknowns, fitted.some_texels(_TEXELS, options.seed))
+        some = fitted.some_texels(_TEXELS, options.seed)
+        sample = descend(texels, started(texels.without_shapes(), start.unknowns, some), some)
         tile = unseen.some_texels(_TEXELS, options.seed)
         model, theta = texel_model(texels, sample.fitter.unknowns), sample.fit.theta
         values = radiance(model.columns(tile, theta), model.coefficients(theta), tile.images)

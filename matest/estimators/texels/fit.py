@@ -21,7 +21,7 @@ from matest.samples.residual_scale import ResidualScale
 from matest.samples.texels import TexelTile
 
 # Nodes of a mapped shape: of one alone, of two, of more.
-_NODES = (12, 7, 4)
+_NODES = (24, 7, 4)
 # Nodes of one that does not vary over decades, at most.
 _EVEN_NODES = 7
 # Nodes that descents start from, for a texel.
@@ -217,6 +217,19 @@ class TexelFitter:
             change = _step(normal, theta, self._lower, self._upper, torch.zeros_like(theta[0]))
             theta = (theta + change).clamp(self._lower, self._upper)
         return theta
+
+    def cost(self, tile: TexelTile, squares: LeastSquares | None, prior: TexelPrior) -> tuple[float, LeastSquares]:
+        """The cost of a tile where texels have the best amplitudes; squares that are not given are a first guess."""
+        theta = self.texels.spread(self.unknowns, len(tile)).to(tile.radiance)
+        columns = self._model.columns(tile, theta)
+        reference = radiance(columns, self._model.coefficients(theta), tile.images)
+        ratios = tile.ratios(reference)
+        if squares is None:
+            squares = tile.first_guess(reference * ratios.T.repeat(tile.images, 1))
+        theta = self._brightened(theta, ratios)
+        problem = TexelProblem.of(TexelProblem(tile, self._model, squares, columns), squares, theta)
+        theta = self._climbed(problem, theta, prior)
+        return float(problem.normal(theta, ()).cost.sum()), squares
 
     def moved(self, start: TileFit, theta: Tensor) -> TileFit:
         """The optimum near θ [T, n], which is that of other parameters in common."""

@@ -21,7 +21,7 @@ from matest.estimators.moments import SCORES
 from matest.estimators.texels.elimination import CommonSums, Elimination
 from matest.estimators.texels.fit import TexelFitter, TileFit
 from matest.estimators.texels.regions import Regions
-from matest.estimators.texels.some import Knowledge, descend, regions_of, step
+from matest.estimators.texels.some import Knowledge, descend, regions_of, started, step
 from matest.estimators.texels.trust import Reliable, ambiguous, least_information, totals, variance_among_trials
 from matest.estimators.texels.unknowns import TexelUnknowns
 from matest.estimators.unknowns import Problem
@@ -36,8 +36,10 @@ _PASSES = 3
 _LINEAR = 5.0
 # χ² per degree of freedom above which a texel's shape has to be told by more than one photograph.
 MISFIT_CHI2 = 1.5
-# Uncertainty of a correction for curvature, relative to it: it is right to second order.
-_CURVATURE_ERROR = 0.25
+# Uncertainty of a correction for curvature, relative to it: it is right to second order, where texels tell their shapes
+# to some per cent; where they do not it may all be wrong.
+_CURVATURE_ERROR = 0.5
+_CURVATURE_ERROR_OF_LIMIT = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +57,7 @@ class MapFit:
         information: of the unknowns in common, the texels following them [S, S].
         scores: [S].
         bend: what curvature adds to these [S].
+        limit: relative standard error of the shapes of texels that tell of what is in common.
         totals: sums of the `SCORES`.
         degrees: of freedom that the texels take.
         converged: whether the last step was one that texels follow.
@@ -72,6 +75,7 @@ class MapFit:
     information: Tensor
     scores: Tensor
     bend: Tensor
+    limit: float
     totals: Tensor
     degrees: float
     converged: bool
@@ -99,7 +103,8 @@ class MapFit:
         scores = torch.zeros(problem.size, dtype=torch.float64).index_copy_(0, places, self.scores)
         free = ~at_bound(problem, self.unknowns, scores)[places]
         covariance = fisher(self.information / self.inflation, free)
-        error = _CURVATURE_ERROR * covariance.matrix @ self.bend / self.inflation
+        share = min(max(_CURVATURE_ERROR, _CURVATURE_ERROR_OF_LIMIT * self.limit), 1.0)
+        error = share * covariance.matrix @ self.bend / self.inflation
         return replace(covariance, matrix=covariance.matrix + error[:, None] * error)
 
     @cached_property
@@ -153,6 +158,7 @@ def fit_maps(
     progress("fitting some texels")
     texels = TexelUnknowns(problem, tuple(mapped))
     amplitudes = texels.without_shapes()
+    unknowns = started(amplitudes, unknowns, few)
     # With nothing but shapes mapped, the fit with one value for all texels is that already.
     in_common = descend(amplitudes, unknowns, few) if texels.shapes and amplitudes.mapped else None
     sample = descend(texels, unknowns if in_common is None else in_common.fitter.unknowns, few)
@@ -305,5 +311,5 @@ class _Maps:
         """All together."""
         return MapFit(
             texels, unknowns, self.theta, self.variance, self.moves, self.own, self.held, sums.information, sums.scores,
-            known.bend * count, sums.totals, sums.degrees, converged, residual_scale, known.regions,
+            known.bend * count, known.limit, sums.totals, sums.degrees, converged, residual_scale, known.regions,
         )  # fmt: skip

@@ -73,8 +73,10 @@ class Regions:
         for region in range(values.shape[1]):
             inside = labels == region
             for number, row in enumerate(self.texels.rows):
-                some = inside & std[number].isfinite()
+                # A larger error than the scatter that is taken where nothing is known says nothing.
+                some = inside & (std[number] < _UNKNOWN_SPREAD * values[number, region].abs())
                 if int(some.sum()) < _FEWEST:
+                    spreads[number, region] = _UNKNOWN_SPREAD * values[number, region].abs()
                     continue
                 of_texels, errors = theta[number, some].double(), std[number, some].double()
                 # Those whose errors are larger than most say little of the scatter.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -12,6 +13,7 @@ from torch import Tensor
 from matest.estimators.covariance import fisher
 from matest.estimators.levenberg_marquardt import at_bound, moved
 from matest.estimators.moments import SCORES
+from matest.estimators.search import shape_nodes
 from matest.estimators.texels.elimination import CommonSums, Elimination
 from matest.estimators.texels.fit import TexelFitter, TexelProblem, TileFit
 from matest.estimators.texels.regions import Regions
@@ -21,6 +23,9 @@ from matest.samples.likelihood import LeastSquares, deviations
 from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
 from matest.samples.texels import TexelTile
 
+# Texels, and nodes of the shapes in common, of the search for a start.
+_STARTERS = 500
+_START_NODES = 9
 # Steps of the parameters in common over the samples of some texels.
 _STEPS = 20
 # Standard errors of the parameters in common below which a step is the last.
@@ -41,6 +46,31 @@ class SomeTexels(NamedTuple):
     fit: TileFit
     residual_scale: ResidualScale
     inflation: float
+
+
+def started(texels: TexelUnknowns, unknowns: Tensor, tile: TexelTile) -> Tensor:
+    """u [P] with the shapes in common that describe texels best, if each has the best amplitudes of its own.
+
+    A fit with one value for all takes what differs from texel to texel for shape, and may end where a shape has no
+    derivative.
+    """
+    problem = texels.problem
+    names = [name for name in problem.shapes if name not in texels.mapped]
+    if not names or texels.shapes or not texels.mapped:
+        return unknowns
+    some = tile.some(torch.arange(min(len(tile), _STARTERS)))
+    prior = Regions.single(texels, unknowns).weak_prior(len(some))
+    nodes = shape_nodes(problem, max(int(_START_NODES ** (1 / len(names))), 2))
+    lowest, squares = TexelFitter(texels, unknowns, NOISE_ALONE).cost(some, None, prior)
+    best = unknowns
+    for combination in itertools.product(*(nodes[name] for name in names)):
+        trial = unknowns.clone()
+        for name, value in zip(names, combination, strict=True):
+            trial[problem.where[name]] = value
+        cost, _ = TexelFitter(texels, trial, NOISE_ALONE).cost(some, squares, prior)
+        if cost < lowest:
+            lowest, best = cost, trial
+    return best
 
 
 def descend(texels: TexelUnknowns, unknowns: Tensor, tile: TexelTile) -> SomeTexels:
