@@ -105,7 +105,13 @@ def run(job: Job, progress: Progress = silent) -> Outcome:
     try:
         capture = load_capture(job.capture, transfer=job.options.transfer, root=job.root, progress=progress)
         estimate = estimate_with(capture, job.options, progress)
-        provenance = {"matest": matest.__version__, "command": job.command, "inputs": capture.digests()}
+        provenance = {
+            "matest": matest.__version__,
+            "command": job.command,
+            "capture": _path_from(job.out, job.capture),
+            "root": _path_from(job.out, job.root or _folder(job.capture)),
+            "inputs": capture.digests(),
+        }
         estimate = replace(estimate, provenance=provenance)
         return Outcome(job, write_result(estimate, capture, job.out, progress, pictures=job.pictures))
     except InputError as error:
@@ -119,3 +125,11 @@ def capture_name(capture: Path) -> str:
 
 def _folder(capture: Path) -> Path:
     return capture if capture.is_dir() else capture.parent
+
+
+def _path_from(folder: Path, path: Path) -> str:
+    """A path from a folder, so that both may move together; the whole path where no such path leads to it."""
+    try:
+        return Path(os.path.relpath(path, folder)).as_posix()
+    except ValueError:  # another drive of Windows
+        return str(path.absolute())

@@ -52,6 +52,9 @@ def test_a_job_and_its_outcome_travel_to_another_process_and_back(two: list[Path
     written = json.loads((tmp_path / "out" / "good" / "result.json").read_text("utf-8"))
     assert good.estimate.to_dict() == written
     assert written["provenance"]["command"] == "matest estimate bad good"
+    there = tmp_path / "out" / "good" / written["provenance"]["capture"]
+    assert there.samefile(two[1])
+    assert (tmp_path / "out" / "good" / written["provenance"]["root"]).samefile(tmp_path)
     assert not (tmp_path / "out" / "bad").exists()
 
 

@@ -246,3 +246,20 @@ def _read_material(path: str | Path) -> dict[str, Any]:
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{file}: expected a material of 'matest estimate'; cannot read it ({error}).") from None
     return content
+
+
+def read_result(folder: Path) -> dict[str, Any]:
+    """The content of the `result.json` of a result folder.
+
+    Raises:
+        InputError: no such file, or one that cannot be read.
+    """
+    file = folder / "result.json"
+    if not file.is_file():
+        raise InputError(f"{file}: no such file; expected a result folder of 'matest estimate'; check the path.")
+    try:
+        content = json.loads(file.read_text("utf-8"))
+        _ = content["parameters"].items(), content["provenance"].items()
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{file}: expected the result of 'matest estimate'; cannot read it ({error!r}).") from None
+    return content

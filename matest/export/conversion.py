@@ -111,9 +111,15 @@ def _mirrored_density(directions: Directions, slope: float) -> Tensor:
     return facets / (4 * directions.cos_d)
 
 
-def measured_error(material: Reflectance, written: Reflectance) -> ConversionError:
-    """The error of a written material, and of what it reflects where it is defined (not NaN)."""
-    sample = pairs(_PAIRS)
+def measured_error(material: Reflectance, written: Reflectance, sample: Pairs | None = None) -> ConversionError:
+    """The error of a written material, and of what it reflects where it is defined (not NaN).
+
+    Args:
+        material: the original.
+        written: what stands for it.
+        sample: pairs of directions to measure it at; None: many.
+    """
+    sample = pairs(_PAIRS) if sample is None else sample
     with torch.no_grad():
         truth, values = (f(sample.wi, sample.wo).expand(-1, 3) for f in (material, written))
     known = values.isfinite().all(1)

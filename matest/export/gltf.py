@@ -1,9 +1,10 @@
-"""glTF 2.0: a metallic-roughness material on a sphere, with the extensions KHR_materials_specular and _ior.
+"""glTF 2.0: a metallic-roughness material on a sphere or its mesh, with the extensions KHR_materials_specular and _ior.
 
 Conventions of the specification (appendix B): `roughnessFactor` is √α, α the width of GGX as our `slope` with
 `distribution=ggx`; masking is Smith's, F Schlick's. A dielectric reflects w F and lets 1 − w max F through to a
 Lambertian body of albedo `baseColorFactor`, w = `specularFactor`; F at normal incidence is ((n−1)/(n+1))² ·
-`specularColorFactor`. A metal has F = `baseColorFactor` there, and no body. Colours are linear, of Rec. 709.
+`specularColorFactor`. A metal has F = `baseColorFactor` there, and no body. Colours are linear, of Rec. 709; in a
+texture they are sRGB. Metalness is the B of a texture, roughness its G, both linear.
 """
 
 from __future__ import annotations
@@ -13,7 +14,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -33,20 +33,22 @@ from matest.export.conversion import (
     own_f0,
     own_slopes,
 )
+from matest.export.gltf_file import Shape, save, sphere
+from matest.export.gltf_textures import textures_of
 from matest.export.lobes import METALLIC, Lobe, index_of, is_matte, lobes_of
+from matest.export.textured import Textured
 
 SUFFIX = ".glb"
-# Facets of the sphere that shows the material, from pole to pole and around.
-_SPHERE = (32, 64)
 _SUFFIXES = (".glb", ".gltf")
 
 
-def write(material: Brdf, path: Path) -> Conversion:
+def write(material: Brdf, path: Path, *, textured: Textured | None = None) -> Conversion:
     """Write a material as glTF, and measure the error of the conversion.
 
     Args:
         material: of one or three channels.
         path: a `.glb` or `.gltf` file.
+        textured: the material with its textures, where it has some: its mesh takes the place of the sphere.
 
     Raises:
         InputError: another number of channels, another suffix, or pygltflib is not installed.
@@ -69,6 +71,11 @@ def write(material: Brdf, path: Path) -> Conversion:
         family, values, error = best_fit(_families(material, lobes), material)
         notes = [f"glTF's {family.name} was fitted to the material; roughnessFactor is the root of GGX's width."]
     parameters = _parameters(values)
+    textures = None if textured is None else textures_of(textured, values, reflectance)
+    if textures is not None:
+        error = textures.error
+        parameters |= textures.factors
+        notes += textures.notes
     extras = {
         "matest": {
             "model": material.expression,
@@ -77,7 +84,9 @@ def write(material: Brdf, path: Path) -> Conversion:
             "note": " ".join(notes),
         }
     }
-    _save(pygltflib, _material(parameters, path.stem, extras), path)
+    shape = sphere() if textured is None else Shape.of(textured.atlas)
+    images = {} if textures is None else textures.images
+    save(pygltflib, _material(parameters, path.stem, extras), path, shape, images)
     return Conversion(error, parameters, notes, (path,))
 
 
@@ -158,56 +167,3 @@ def _material(parameters: dict[str, Any], name: str, extras: dict[str, Any]) -> 
         "extensions": extensions,
         "extras": extras,
     }
-
-
-def _save(pygltflib: Any, material: dict[str, Any], path: Path) -> None:
-    """Write a sphere of unit radius of the material: programs do not read a material that nothing is made of."""
-    vertices, triangles = _sphere()
-    blob = triangles.tobytes() + vertices.tobytes()
-    split = triangles.nbytes
-    g = pygltflib
-    document = g.GLTF2(
-        asset=g.Asset(version="2.0", generator="matest"),
-        scene=0,
-        scenes=[g.Scene(nodes=[0])],
-        nodes=[g.Node(mesh=0, name=material["name"])],
-        # The normals of a unit sphere are its vertices.
-        meshes=[
-            g.Mesh(primitives=[g.Primitive(attributes=g.Attributes(POSITION=1, NORMAL=1), indices=0, material=0)])
-        ],
-        accessors=[
-            g.Accessor(bufferView=0, componentType=g.UNSIGNED_SHORT, count=triangles.size, type=g.SCALAR),
-            g.Accessor(
-                bufferView=1, componentType=g.FLOAT, count=len(vertices), type=g.VEC3,
-                min=vertices.min(0).tolist(), max=vertices.max(0).tolist(),
-            ),
-        ],
-        bufferViews=[
-            g.BufferView(buffer=0, byteOffset=0, byteLength=split, target=g.ELEMENT_ARRAY_BUFFER),
-            g.BufferView(buffer=0, byteOffset=split, byteLength=len(blob) - split, target=g.ARRAY_BUFFER),
-        ],
-        buffers=[g.Buffer(byteLength=len(blob))],
-        materials=[
-            g.Material(
-                name=material["name"],
-                pbrMetallicRoughness=g.PbrMetallicRoughness(**material["pbrMetallicRoughness"]),
-                extensions=material["extensions"],
-                extras=material["extras"],
-                alphaCutoff=None,
-            )
-        ],
-        extensionsUsed=list(material["extensions"]),
-    )  # fmt: skip
-    document.set_binary_blob(blob)
-    if path.suffix.lower() == ".gltf":
-        document.convert_buffers(g.BufferFormat.DATAURI)
-    document.save(str(path))
-
-
-def _sphere() -> tuple[np.ndarray, np.ndarray]:
-    """Vertices [n, 3] float32 of the unit sphere, and its triangles [m, 3], counter-clockwise seen from outside."""
-    import trimesh
-
-    sphere = trimesh.creation.uv_sphere(radius=1.0, count=list(_SPHERE))
-    vertices = sphere.vertices / np.linalg.norm(sphere.vertices, axis=1, keepdims=True)
-    return vertices.astype("<f4"), sphere.faces.astype("<u2")

@@ -99,6 +99,18 @@ def view_difference(folder: str | Path, surface: Surface) -> str:
     return f"{folder}: its maps show the object from another side (turned by {turn:.0f}°)" if turn > _TURN else ""
 
 
+def map_shape(folder: Path) -> tuple[int, int]:
+    """Height and width of the maps of a result folder.
+
+    Raises:
+        InputError: it has none, or they cannot be read.
+    """
+    if not (folder / VIEW).is_file():
+        raise InputError(f"{folder}: has no maps; estimate with --maps, such as --maps albedo.")
+    height, width, _ = read_image(folder / VIEW).shape
+    return height, width
+
+
 def _result_folder(path: str | Path) -> Path:
     """The folder of a result.
 

@@ -1,4 +1,4 @@
-"""Cameras: from a pixel to a ray of the world.
+"""Cameras: from a pixel to a ray of the world, and from a point of the world to its place in the image.
 
 Pixel coordinates put the origin at the top-left corner of the image and pixel centres at +0.5. A camera matrix of
 `cv2.calibrateCamera`, which puts pixel centres at whole numbers, needs 0.5 added to its principal point.
@@ -102,6 +102,34 @@ class Camera:
         """Points of the world [..., 3] to the right, up, and along the line of sight, from the camera's position."""
         right, up, backward = self.axes()
         return np.subtract(points, self.position) @ np.stack([right, up, -backward], axis=1)
+
+    def project(self, shape: tuple[int, int], points: np.ndarray) -> np.ndarray:
+        """Where points of the world [N, 3] appear in the image, in pixels from its left and upper edge [N, 2].
+
+        NaN for points that do not lie before a perspective camera. Far outside the image a lens with distortion may
+        bend them back into it: whether a point is seen, its line of sight tells.
+        """
+        seen = self.coordinates(points)
+        if self.orthographic:
+            unit = (self.height or 1.0) / shape[0]
+            return np.stack([shape[1] / 2 + seen[:, 0] / unit, shape[0] / 2 - seen[:, 1] / unit], axis=1)
+        import cv2
+
+        places = np.full((len(seen), 2), np.nan)
+        before = seen[:, 2] > 0
+        if before.any():
+            # OpenCV's camera has y downward.
+            places[before] = cv2.projectPoints(
+                seen[before] * (1.0, -1.0, 1.0), np.zeros(3), np.zeros(3), self.pixel_matrix(shape),
+                np.array(self.distortion or (0.0,) * 4),
+            )[0][:, 0]  # fmt: skip
+        return places
+
+    def toward(self, points: np.ndarray) -> np.ndarray:
+        """Vectors from points of the world [N, 3] to the camera, of unit length if it is orthographic [N, 3]."""
+        if self.orthographic:
+            return np.broadcast_to(-self.forward, points.shape)
+        return np.asarray(self.position) - points
 
     def pixel_matrix(self, shape: tuple[int, int]) -> np.ndarray:
         """The 3×3 pinhole matrix of a perspective camera for an image of this shape."""

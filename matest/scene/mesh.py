@@ -31,14 +31,22 @@ class Mesh:
         faces: vertex indices [F, 3].
         normals: of the vertices [V, 3], as a file gives them; None: averaged over the faces around each vertex,
             weighted by angle, but not across edges sharper than 45°.
+        uv: texture coordinates of the vertices [V, 2], v upward; None: the mesh has none.
     """
 
-    def __init__(self, vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray | None = None) -> None:
+    def __init__(
+        self,
+        vertices: np.ndarray,
+        faces: np.ndarray,
+        normals: np.ndarray | None = None,
+        uv: np.ndarray | None = None,
+    ) -> None:
         import trimesh
 
         # Merging vertices keeps the faces and their order.
         self._mesh = trimesh.Trimesh(vertices, faces, process=True)
         self._file_normals = None if normals is None else normals[faces]
+        self.corner_uv = None if uv is None else uv[faces]
 
     @classmethod
     def load(cls, path: Path) -> Mesh:
@@ -63,7 +71,7 @@ class Mesh:
                 f"{path}: expected a mesh with triangles and finite vertices; got "
                 f"{len(getattr(mesh, 'faces', ()))} triangles. Export the surface, not only points or lines."
             )
-        return cls(np.asarray(mesh.vertices), np.asarray(mesh.faces), _normals_of_file(scene))
+        return cls(np.asarray(mesh.vertices), np.asarray(mesh.faces), _normals_of_file(scene), _uv_of_file(scene))
 
     @cached_property
     def corner_normals(self) -> np.ndarray:
@@ -132,6 +140,16 @@ class Mesh:
         return np.asarray(hits >= 0)
 
     @property
+    def vertices(self) -> np.ndarray:
+        """Positions that faces share [V, 3]."""
+        return np.asarray(self._mesh.vertices)
+
+    @property
+    def faces(self) -> np.ndarray:
+        """Indices of the vertices of each triangle [F, 3]."""
+        return np.asarray(self._mesh.faces)
+
+    @property
     def triangles(self) -> np.ndarray:
         """Corners of the faces [F, 3, 3]."""
         return np.asarray(self._mesh.triangles)
@@ -175,3 +193,14 @@ def _normals_of_file(scene) -> np.ndarray | None:  # type: ignore[no-untyped-def
     if len(nodes) != 1 or not np.allclose(transform, np.eye(4)) or not np.isfinite(normals).all():
         return None
     return normals
+
+
+def _uv_of_file(scene) -> np.ndarray | None:  # type: ignore[no-untyped-def]
+    """Texture coordinates of a file's vertices, or None; those of several objects may lie on each other."""
+    geometries = list(scene.geometry.values())
+    if len(geometries) != 1 or len(scene.graph.nodes_geometry) != 1:
+        return None
+    uv = getattr(geometries[0].visual, "uv", None)
+    if uv is None or np.shape(uv) != (len(geometries[0].vertices), 2) or not np.isfinite(uv).all():
+        return None
+    return np.asarray(uv, dtype=float)

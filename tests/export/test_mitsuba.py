@@ -13,13 +13,16 @@ import numpy as np
 import pytest
 import torch
 
-from matest.brdf import Brdf, CookTorrance, Lambert, Ward
+from matest.brdf import Brdf, CookTorrance, Lambert, OrenNayar, Ward
 from matest.directions import Directions, to_local
 from matest.errors import InputError
 from matest.export import mitsuba
 from matest.export.conversion import pairs
+from matest.scene import Camera
+from matest.scene.surface import from_mesh
 from matest.shading import reflectance
 from tests.export.materials import FOAM, GLOSS, METAL, NATIVE, PAPER, PLUGGED, SMITH_GLOSS, even_pairs
+from tests.export.two_tone import SHAPE, camera, textured, to_edge, truth, vase
 
 pytest.importorskip("mitsuba")
 # Single precision, and the rounding of values to nine digits.
@@ -37,11 +40,12 @@ def mi() -> Any:
     return mi
 
 
-def loaded(mi: Any, material: Brdf, folder: Path, **options: bool) -> tuple[Any, Any]:
+def loaded(mi: Any, material: Brdf, folder: Path, **options: Any) -> tuple[Any, Any]:
     """The BSDF that Mitsuba makes of the file, with the plugin if there is one, and what the writer says."""
     conversion = mitsuba.write(material, folder / "ball.xml", **options)
-    if len(conversion.files) > 1:
-        spec = importlib.util.spec_from_file_location("matest_bsdf", conversion.files[1])
+    plugin = folder / mitsuba.PLUGIN
+    if plugin in conversion.files:
+        spec = importlib.util.spec_from_file_location("matest_bsdf", plugin)
         assert spec is not None
         assert spec.loader is not None
         spec.loader.exec_module(importlib.util.module_from_spec(spec))
@@ -125,6 +129,64 @@ def test_a_sphere_that_mitsuba_renders_is_ours_pixel_by_pixel(
     lit = ours > 1e-3 * ours.max()
     assert np.abs(rendered / ours.clip(1e-9) - 1)[lit].max() < largest + 2e-4
     assert lit.mean() > 0.05
+
+
+@pytest.mark.parametrize(
+    ("material", "name"),
+    [(SMITH_GLOSS, "diffuse"), (Lambert(0.5), "albedo"), (OrenNayar(0.5, 0.5), "albedo"), (GLOSS, "specular")],
+    ids=["native", "lambert", "plugin", "specular"],
+)
+def test_a_mesh_with_textures_that_mitsuba_renders_is_ours_pixel_by_pixel(
+    mi: Any, material: Brdf, name: str, tmp_path: Path
+) -> None:
+    made = textured(material, name, exact=True)
+    shape, conversion = loaded(mi, made.material, tmp_path, textured=made)
+    seen, toward = camera(0), np.array([0.3, 0.4, 0.85])
+    toward /= np.linalg.norm(toward)
+    surface = from_mesh(vase(), seen, SHAPE)
+    assert surface.positions is not None
+    image = rendered(mi, shape, seen, toward)
+    points = surface.positions.numpy()
+    albedo = torch.from_numpy(truth(points))
+    own = material.replace({name: albedo})
+    wi, wo = to_local(
+        surface.normals, *(v.expand_as(surface.normals) for v in (torch.from_numpy(toward), surface.view))
+    )
+    ours = (own(wi, wo) * wi[:, 2:].clamp(min=0)).numpy()
+    kept = (to_edge(points) > 0.05) & ~surface.rim & (ours > 0.01).all(axis=1)
+    error = image.reshape(-1, 3)[surface.pixels][kept] / ours[kept] - 1
+    assert kept.mean() > 0.4
+    assert np.abs(error).max() < max(RATIONAL_MASKING, 3 * conversion.error.relative_rmse) + 2e-3
+    assert np.median(np.abs(error)) < 1e-3
+
+
+def rendered(mi: Any, shape: Any, seen: Camera, toward: np.ndarray) -> np.ndarray:
+    """Radiance [H, W, 3] of a shape under a distant light of irradiance 1."""
+    height, width = SHAPE
+    film = {"type": "hdrfilm", "width": width, "height": height, "rfilter": {"type": "box"}, "pixel_format": "rgb"}
+    assert seen.height is not None
+    half = seen.height / 2 * width / height
+    place = mi.ScalarTransform4f()
+    pose = place.look_at(origin=list(seen.position), target=list(seen.target), up=[0, 1, 0])
+    sensor = {
+        "type": "orthographic",
+        "to_world": pose @ place.scale([half, half, 1]),
+        "film": {**film, "component_format": "float32"},
+        "sampler": {"type": "stratified", "jitter": False, "sample_count": 1},
+    }
+    light = {"type": "directional", "direction": (-toward).tolist(), "irradiance": {"type": "rgb", "value": [1, 1, 1]}}
+    integrator = {"type": "direct", "bsdf_samples": 0, "emitter_samples": 1}
+    scene = {"type": "scene", "integrator": integrator, "sensor": sensor, "light": light, "shape": shape}
+    return np.array(mi.render(mi.load_dict(scene)))
+
+
+def test_textures_do_not_go_with_lobes_that_must_be_fitted(tmp_path: Path) -> None:
+    made = textured(Ward(0.2, 0.3), "diffuse")
+    with pytest.raises(
+        InputError, match=r"lobes must be fitted to ward, which gives no textures; write them with --to"
+    ):
+        mitsuba.write(made.material, tmp_path / "ball.xml", textured=made)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("name", ["v-cavities", "ggx-schlick", "laser-paper"])

@@ -135,3 +135,31 @@ def test_a_pose_without_direction_is_refused(pose):
     message = refusal(lambda: Camera(**pose, height=1.0))
     assert "position" in message
     assert "up" in message
+
+
+@pytest.mark.parametrize(
+    "projection",
+    [{"fov_y": 0.6}, {"matrix": MATRIX}, {"matrix": MATRIX, "distortion": (-0.2, 0.05, 0.001, -0.002)}],
+)
+def test_points_appear_where_opencv_has_them(projection):
+    camera = Camera(**POSE, **projection)
+    points = np.random.default_rng(0).uniform(-1, 1, (50, 3))
+    expected = project(camera, points)
+    np.testing.assert_allclose(camera.project(SHAPE, points), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("projection", [{"height": 2.0}, {"fov_y": 0.6}])
+def test_a_point_on_the_ray_of_a_pixel_appears_at_its_centre(projection):
+    camera = Camera(**POSE, **projection)
+    pixels = np.arange(0, SHAPE[0] * SHAPE[1], 7)
+    origins, directions = camera.rays(SHAPE, pixels)
+    places = camera.project(SHAPE, origins + 3.0 * directions)
+    np.testing.assert_allclose(places, np.stack([pixels % SHAPE[1], pixels // SHAPE[1]], axis=1) + 0.5, atol=1e-9)
+    toward = camera.toward(origins + 3.0 * directions)
+    np.testing.assert_allclose(toward / np.linalg.norm(toward, axis=1, keepdims=True), -directions, atol=1e-9)
+
+
+def test_points_behind_a_perspective_camera_appear_nowhere():
+    places = Camera(position=(0, 0, 5), fov_y=0.6).project(SHAPE, np.array([[0.0, 0, 6], [0, 0, 4]]))
+    assert np.isnan(places[0]).all()
+    np.testing.assert_allclose(places[1], [SHAPE[1] / 2, SHAPE[0] / 2])

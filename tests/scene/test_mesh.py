@@ -182,3 +182,26 @@ def test_vertices_that_are_not_finite_are_refused(tmp_path):
     triangles[0, 1:] = [[0, 0, 0], [1, 0, np.nan], [0, 1, 0]]
     path.write_bytes(bytes(80) + struct.pack("<I", 1) + triangles.tobytes() + bytes(2))
     assert str(path) in refusal(lambda: Mesh.load(path))
+
+
+@pytest.mark.parametrize("suffix", ["obj", "ply", "glb"])
+def test_texture_coordinates_of_a_file_are_those_of_the_corners(tmp_path, suffix):
+    box = trimesh.creation.icosphere(1)
+    uv = np.random.default_rng(0).random((len(box.vertices), 2)).astype(np.float32)
+    path = tmp_path / f"ball.{suffix}"
+    trimesh.Trimesh(box.vertices, box.faces, visual=trimesh.visual.TextureVisuals(uv=uv), process=False).export(path)
+    np.testing.assert_allclose(Mesh.load(path).corner_uv, uv[box.faces], atol=1e-6)
+
+
+def test_meshes_without_texture_coordinates_and_scenes_of_several_have_none(tmp_path):
+    trimesh.creation.icosphere(1).export(tmp_path / "ball.ply")
+    assert Mesh.load(tmp_path / "ball.ply").corner_uv is None
+    visual = trimesh.visual.TextureVisuals(uv=np.zeros((8, 2)))
+    parts = [trimesh.Trimesh(*_cube(x), visual=visual.copy(), process=False) for x in (-3, 3)]
+    trimesh.Scene(parts).export(tmp_path / "two.glb")
+    assert Mesh.load(tmp_path / "two.glb").corner_uv is None
+
+
+def _cube(x: float) -> tuple[np.ndarray, np.ndarray]:
+    cube = trimesh.creation.box((1, 1, 1)).apply_translation((x, 0, 0))
+    return cube.vertices, cube.faces
