@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -90,9 +91,28 @@ def _described(
         circles = [(*geometry.centre, geometry.radius)]
     transfer = transfer if transfer is not None else tables.encoding.transfer
     encoding = Encoding("linear" if transfer is None else transfer, saturation=saturation(description, images))
+    encoding = replace(encoding, **_frames(description, encoding, images))
     with errors_of(file):
         spheres = _spheres(circles, mask, images.shape, _with_view(camera, fov_y))
-    return Mirror(description.folder, files, description.names, spheres, mask, encoding, images.shape)
+    exposures = tuple(table.exposure for table in tables.image)
+    return Mirror(description.folder, files, description.names, spheres, mask, encoding, images.shape, exposures)
+
+
+def _frames(
+    description: Description[schema.CaptureFile], encoding: Encoding, images: ImageFormat
+) -> dict[str, Any]:
+    """The pedestal and the flat field of an encoding, at every pixel of the images where a file has them."""
+    table, frames = description.tables.encoding, {}
+    for key, file in (("black", table.black), ("flat", table.flat)):
+        if isinstance(file, str):
+            path = description.path(file, f"encoding.{key}")
+            image = read_image(path)
+            check_size(image, images.shape, f"{path}: the frame")
+            pixels = image.reshape(-1, image.shape[2])
+            frames[key] = encoding.signal(pixels, slice(None)) if image.dtype.kind == "u" else pixels
+    if not isinstance(table.black, str):
+        frames["black"] = float(encoding.linear(np.array(table.black)))
+    return frames
 
 
 def _plain(folder: Path, circles: Sequence[Circle], transfer: str | float | None, fov_y: float | None) -> Mirror:

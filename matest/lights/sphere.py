@@ -150,6 +150,28 @@ class MirrorSphere:
         cosine = (normals * view).sum(axis=1, keepdims=True)
         return Reflection(2 * cosine * normals - view, normals)
 
+    def solid_angles(self, x: np.ndarray, y: np.ndarray, outline: np.ndarray | None = None) -> np.ndarray:
+        """Solid angles of what pixels centred at (x, y) [N] show, sr [N]; of another outline where one is given."""
+        right, down = np.moveaxis(self.slopes(x, y, outline), -1, 0)
+        angles: np.ndarray = np.linalg.norm(np.cross(right, down), axis=1)
+        return angles
+
+    def slopes(self, x: np.ndarray, y: np.ndarray, outline: np.ndarray | None = None) -> np.ndarray:
+        """Change of the direction that is shown, a pixel to the right and down [N, 3, 2]."""
+
+        def across(dx: float, dy: float) -> np.ndarray:
+            ends = (self.reflect(x + sign * dx, y + sign * dy, outline).directions for sign in (0.5, -0.5))
+            return np.subtract(*ends)
+
+        return np.stack([across(1, 0), across(0, 1)], axis=-1)
+
+
+def standard_errors(covariance: np.ndarray) -> np.ndarray:
+    """One standard error along each axis of covariances [..., n, n], a row each."""
+    variances, axes = np.linalg.eigh(covariance)
+    errors: np.ndarray = np.sqrt(np.clip(variances, 0, None))[..., None] * np.swapaxes(axes, -1, -2)
+    return errors
+
 
 def _rays(camera: Camera, shape: tuple[int, int], places: np.ndarray) -> np.ndarray:
     """Unit directions of a perspective camera's rays through places (x, y) of its image [N, 2], [N, 3]."""

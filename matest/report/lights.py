@@ -8,16 +8,21 @@ from typing import Any
 
 import numpy as np
 from rich.console import Group
-from rich.table import Column
+from rich.table import Column, Table
 from rich.text import Text
 
+from matest.lights.extent import Extent
 from matest.lights.lights import Light, Lights
 from matest.lights.mirror import Mirror
+from matest.lights.strengths import Strengths
 from matest.report.format import measured
 from matest.report.tables import plain_table
 
+# Names of colour channels.
+_CHANNELS = ("red", "green", "blue")
 
-def lights_report(lights: Lights, mirrors: Sequence[Mirror]) -> Group:
+
+def lights_report(lights: Lights, mirrors: Sequence[Mirror], strengths: Strengths | None = None) -> Group:
     """The spheres, the light of every photograph, and what to know of them."""
     several = any(light.apart is not None for light in lights.lights)
     near = any(light.position is not None for light in lights.lights)
@@ -31,16 +36,31 @@ def lights_report(lights: Lights, mirrors: Sequence[Mirror]) -> Group:
         row = [light.name, "  ".join(f"{number:7.4f}" for number in light.direction), f"± {_degrees(light.std)}", where]
         table.add_row(*row, *([_position(light)] if near else []))
     stated = ", ".join(f"{name} = {std:.2g} rad ({_degrees(std)})" for name, std in lights.uncertainty.items())
+    notes = list(lights.notes)
+    if strengths is not None:
+        stated += f", intensity = {strengths.uncertainty:.2g} (relative)"
+        notes += strengths.notes
     return Group(
         *(Text(line) for line in _spheres(mirrors)),
         table,
+        _strengths(lights, strengths),
         Text(f"Uncertainty: {stated}."),
-        *(Text(f"Note: {note}", style="yellow") for note in lights.notes),
+        *(Text(f"Note: {note}", style="yellow") for note in notes),
     )
 
 
-def lights_record(lights: Lights, mirrors: Sequence[Mirror]) -> dict[str, Any]:
+def lights_record(
+    lights: Lights, mirrors: Sequence[Mirror], strengths: Strengths | None = None
+) -> dict[str, Any]:
     """The same as plain values for JSON; angles in rad."""
+    uncertainty, notes, matte = dict(lights.uncertainty), list(lights.notes), None
+    records = [_record(light) for light in lights.lights]
+    if strengths is not None:
+        uncertainty["intensity"] = strengths.uncertainty
+        notes += strengths.notes
+        matte = {"sigma": strengths.sigma, "misfit": strengths.misfit}
+        for record, power, std in zip(records, strengths.power.tolist(), strengths.std.tolist(), strict=True):
+            record |= {"power": power, "power_relative_std": std}
     return {
         "schema": "matest.lights/1",
         "spheres": [
@@ -52,9 +72,10 @@ def lights_record(lights: Lights, mirrors: Sequence[Mirror]) -> dict[str, Any]:
             for mirror in mirrors
             for sphere in mirror.spheres
         ],
-        "lights": [_record(light) for light in lights.lights],
-        "uncertainty": lights.uncertainty,
-        "notes": list(lights.notes),
+        "matte": matte,
+        "lights": records,
+        "uncertainty": uncertainty,
+        "notes": notes,
     }
 
 
@@ -67,6 +88,7 @@ def _record(light: Light) -> dict[str, Any]:
         "apart": light.apart,
         "position": None if position is None else position.point.tolist(),
         "position_std": None if position is None else position.std.tolist(),
+        "extent": _extent(light.extent),
         "highlights": [
             {
                 "place": list(one.place),
@@ -77,6 +99,40 @@ def _record(light: Light) -> dict[str, Any]:
             for one in light.sightings
         ],
     }
+
+
+def _extent(extent: Extent | None) -> dict[str, Any] | None:
+    """The solid angle with its error, or its upper bound."""
+    if extent is None:
+        return None
+    if extent.std is None:
+        return {"at_most": extent.solid_angle, "clipped": extent.clipped}
+    return {"solid_angle": extent.solid_angle, "std": extent.std}
+
+
+def _strengths(lights: Lights, strengths: Strengths | None) -> Table:
+    """The size of every light, and how strong it is in every channel."""
+    table = plain_table(Column("image"), Column("solid angle, sr", justify="right"))
+    names = _CHANNELS if strengths is not None and strengths.power.shape[1] == len(_CHANNELS) else ("",)
+    if strengths is not None:
+        for name in names:
+            table.add_column(f"strength {name}".rstrip(), justify="right", no_wrap=True)
+    for number, light in enumerate(lights.lights):
+        cells = [light.name, _solid_angle(light.extent)]
+        if strengths is not None:
+            stds = strengths.power[number] * strengths.std[number]
+            pairs = zip(strengths.power[number].tolist(), stds.tolist(), strict=True)
+            cells += [measured(value, std) for value, std in pairs]
+        table.add_row(*cells)
+    return table
+
+
+def _solid_angle(extent: Extent | None) -> str:
+    if extent is None:
+        return "-"
+    if extent.std is None:
+        return f"at most {extent.solid_angle:.2g}{' (clipped)' if extent.clipped else ''}"
+    return measured(extent.solid_angle, extent.std)
 
 
 def _spheres(mirrors: Sequence[Mirror]) -> list[str]:
