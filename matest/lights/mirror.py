@@ -31,6 +31,7 @@ class Mirror:
         encoding: from pixels to brightness.
         shape: height and width of every photograph in pixels.
         exposures: of each photograph as stated; None where nothing states it; none at all: nothing states any.
+        outline_seen: whether the outline of its sphere comes from edges in the photographs.
     """
 
     folder: Path
@@ -41,6 +42,7 @@ class Mirror:
     encoding: Encoding
     shape: tuple[int, int]
     exposures: tuple[float | None, ...] = ()
+    outline_seen: bool = False
 
     def brightness(self, index: int) -> np.ndarray:
         """A photograph as H×W mean of the channels, 1 where all are saturated; relative where none ever is.

@@ -18,8 +18,8 @@ from matest.lights.strengths import Strengths
 from matest.report.format import measured
 from matest.report.tables import plain_table
 
-# Names of colour channels.
-_CHANNELS = ("red", "green", "blue")
+# What strengths are called, by the number of channels.
+_CHANNELS = {1: ("strength",), 3: ("strength: red", "green", "blue")}
 
 
 def lights_report(lights: Lights, mirrors: Sequence[Mirror], strengths: Strengths | None = None) -> Group:
@@ -36,7 +36,7 @@ def lights_report(lights: Lights, mirrors: Sequence[Mirror], strengths: Strength
         row = [light.name, "  ".join(f"{number:7.4f}" for number in light.direction), f"± {_degrees(light.std)}", where]
         table.add_row(*row, *([_position(light)] if near else []))
     stated = ", ".join(f"{name} = {std:.2g} rad ({_degrees(std)})" for name, std in lights.uncertainty.items())
-    notes = list(lights.notes)
+    notes = [*lights.notes, *_bounds(lights)]
     if strengths is not None:
         stated += f", intensity = {strengths.uncertainty:.2g} (relative)"
         notes += strengths.notes
@@ -112,11 +112,10 @@ def _extent(extent: Extent | None) -> dict[str, Any] | None:
 
 def _strengths(lights: Lights, strengths: Strengths | None) -> Table:
     """The size of every light, and how strong it is in every channel."""
-    table = plain_table(Column("image"), Column("solid angle, sr", justify="right"))
-    names = _CHANNELS if strengths is not None and strengths.power.shape[1] == len(_CHANNELS) else ("",)
+    table = plain_table(Column("image"), Column("solid angle, sr", justify="right", no_wrap=True))
     if strengths is not None:
-        for name in names:
-            table.add_column(f"strength {name}".rstrip(), justify="right", no_wrap=True)
+        for name in _CHANNELS.get(strengths.power.shape[1], ()):
+            table.add_column(name, justify="right", no_wrap=True)
     for number, light in enumerate(lights.lights):
         cells = [light.name, _solid_angle(light.extent)]
         if strengths is not None:
@@ -127,11 +126,25 @@ def _strengths(lights: Lights, strengths: Strengths | None) -> Table:
     return table
 
 
+def _bounds(lights: Lights) -> list[str]:
+    """What to do about solid angles that are only bounds."""
+    bounds = [light.extent for light in lights.lights if light.extent is not None and light.extent.std is None]
+    clipped = sum(extent.clipped for extent in bounds)
+    if clipped:
+        return [
+            f"solid angles with ≤ are upper bounds: the sensor clips {clipped} of {len(lights.lights)} highlights. "
+            "Darker photographs of the mirror sphere would tell them."
+        ]
+    if bounds:
+        return ["solid angles with ≤ are upper bounds: the highlights are as small as the blur. A larger sphere tells."]
+    return []
+
+
 def _solid_angle(extent: Extent | None) -> str:
     if extent is None:
         return "-"
     if extent.std is None:
-        return f"at most {extent.solid_angle:.2g}{' (clipped)' if extent.clipped else ''}"
+        return f"≤ {extent.solid_angle:.2g}"
     return measured(extent.solid_angle, extent.std)
 
 
@@ -144,6 +157,8 @@ def _spheres(mirrors: Sequence[Mirror]) -> list[str]:
             sentence = f"{mirror.folder}: sphere at ({x:.2f}, {y:.2f}), radius {radius:.2f} px"
             if sphere.distance is not None:
                 sentence += f", {sphere.distance:.3g} radii from the camera"
+            if mirror.outline_seen:
+                sentence += ", by the edges in the photographs: check it"
             lines.append(sentence + ".")
     return lines
 
