@@ -115,9 +115,7 @@ def _with_spheres(mirror: Mirror, circles: Sequence[Circle], camera: Camera, lab
     return replace(mirror, spheres=spheres, outline_seen=not circles and mirror.mask is None)
 
 
-def _frames(
-    description: Description[schema.CaptureFile], encoding: Encoding, images: ImageFormat
-) -> dict[str, Any]:
+def _frames(description: Description[schema.CaptureFile], encoding: Encoding, images: ImageFormat) -> dict[str, Any]:
     """The pedestal and the flat field of an encoding, at every pixel of the images where a file has them."""
     table, frames = description.tables.encoding, {}
     for key, file in (("black", table.black), ("flat", table.flat)):

@@ -130,8 +130,8 @@ class Worlds:
 
     @cached_property
     def slots(self) -> int:
-        """L: the most lights that an image has."""
-        return max(len(self.scene.lights[image]) for image in self.images)
+        """L: the most lights that an image has, each as many times as it has nodes."""
+        return max(sum(light.nodes for light in self.scene.lights[image]) for image in self.images)
 
     @cached_property
     def sphere_radius(self) -> float | None:
@@ -194,14 +194,18 @@ class Worlds:
     def _toward(self, image: Tensor, pixels: Tensor, like: Tensor) -> Tensor:
         """Unit vectors to the lights [n, L, 3]; those of lights that an image lacks are the normal."""
         surface = self.scene.surface
-        toward = surface.normals_as(like.dtype)[pixels][:, None].repeat(1, self.slots, 1)
+        normals = surface.normals_as(like.dtype)[pixels]
+        toward = normals[:, None].repeat(1, self.slots, 1)
         for position in image.unique().tolist():
             rows = (image == position).nonzero()[:, 0]
-            for slot, light in enumerate(self.scene.lights[self.images[position]]):
+            slot = 0
+            for light in self.scene.lights[self.images[position]]:
                 places = None
                 if light.near and surface.positions is not None:
                     places = surface.positions[pixels[rows]].to(like)
-                toward[rows, slot] = light.to(like.dtype, "cpu").at(places)[0].expand(len(rows), 3)
+                nodes = light.to(like.dtype, "cpu").spread(places, normals[rows])[0]
+                toward[rows, slot : slot + light.nodes] = nodes.expand(len(rows), -1, 3)
+                slot += light.nodes
         return toward
 
 

@@ -49,9 +49,7 @@ def lights_report(lights: Lights, mirrors: Sequence[Mirror], strengths: Strength
     )
 
 
-def lights_record(
-    lights: Lights, mirrors: Sequence[Mirror], strengths: Strengths | None = None
-) -> dict[str, Any]:
+def lights_record(lights: Lights, mirrors: Sequence[Mirror], strengths: Strengths | None = None) -> dict[str, Any]:
     """The same as plain values for JSON; angles in rad."""
     uncertainty, notes, matte = dict(lights.uncertainty), list(lights.notes), None
     records = [_record(light) for light in lights.lights]
