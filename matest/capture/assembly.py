@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from matest.brdf.curvature import SHARPEST
 from matest.capture.camera_file import with_camera

@@ -117,7 +117,8 @@ def _with_spheres(mirror: Mirror, circles: Sequence[Circle], camera: Camera, lab
 
 def _frames(description: Description[schema.CaptureFile], encoding: Encoding, images: ImageFormat) -> dict[str, Any]:
     """The pedestal and the flat field of an encoding, at every pixel of the images where a file has them."""
-    table, frames = description.tables.encoding, {}
+    table = description.tables.encoding
+    frames: dict[str, Any] = {}
     for key, file in (("black", table.black), ("flat", table.flat)):
         if isinstance(file, str):
             path = description.path(file, f"encoding.{key}")

@@ -81,9 +81,9 @@ def lights(
 ) -> None:
     """Find the directions of lights, or their positions, from photographs of mirror spheres.
 
-    Every direction comes with its error, from those of the sphere's outline and of the highlight, and so do solid angles
-    where the highlight resolves them, and strengths from a matte sphere. The list and the tables with the lights and
-    their uncertainty go to OUT and OUT with .toml.
+    Every direction comes with its error, from those of the sphere's outline and of the highlight; so do solid angles,
+    where the highlight resolves them, and strengths, from photographs of a matte sphere. The list and the tables with
+    the lights and their uncertainty go to OUT and OUT with .toml.
     """
     import numpy as np
 

@@ -132,7 +132,8 @@ class _World:
         )
         wi, wo = to_local(frames, toward_light, toward_viewer)
         points = Points(wi[:, None], wo, torch.from_numpy(power.reshape(-1, 1, 1)))
-        radiance = shade(OrenNayar(albedo=_ALBEDO, sigma=sigma).to(torch.float64, "cpu"), points)[:, 0]
+        albedo, spread = (torch.tensor(value, dtype=torch.float64) for value in (_ALBEDO, sigma))
+        radiance = shade(OrenNayar(albedo=albedo, sigma=spread), points)[:, 0]
         lit = (wi[:, 2] > _LIT) & (wo[:, 2] > 0)
         shares: Array = torch.where(lit, radiance, 0).numpy().reshape(toward.shape[:2])
         return shares
@@ -239,7 +240,8 @@ def _read(matte: Mirror, world: _World, progress: Progress) -> _Samples:
         progress("reading the matte sphere", done, len(matte.files))
     if len({values.shape[1] for values in radiance}) > 1:
         raise InputError(f"{matte.folder}: photographs in grey and in colour; convert them to one of the two.")
-    samples = _Samples(np.stack(radiance), x, y, (sector * _RINGS + ring).astype(np.int64))
+    places = (np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
+    samples = _Samples(np.stack(radiance), *places, (sector * _RINGS + ring).astype(np.int64))
     usable = (world.shares(samples, 0.0) > 0) & np.isfinite(samples.radiance).all(axis=2)
     for file, number in zip(matte.files, usable.sum(axis=1), strict=True):
         if number < _FEWEST_PIXELS:
@@ -255,7 +257,7 @@ def _fit(world: _World, samples: _Samples) -> tuple[float, Sums]:
     from scipy.optimize import minimize_scalar
 
     sigma = 0.3
-    usable = np.isfinite(samples.radiance).all(axis=2)
+    usable: NDArray[np.bool_] = np.asarray(np.isfinite(samples.radiance).all(axis=2))
     weights = np.repeat(usable[..., None].astype(np.float64), samples.radiance.shape[2], axis=2)
     sums = Sums(world.shares(samples, sigma), np.nan_to_num(samples.radiance), weights, samples.cell)
     for _ in range(_ROUNDS):
@@ -292,7 +294,7 @@ def _relative(logs: Array) -> Array:
 def _moved_alone(world: _World, lights: Sequence[Light]) -> Iterator[_World]:
     """Every light moved by one standard error of its own along each axis, every second one the other way.
 
-    What the errors of two lights have in common is left out of their relative strength, and must not seem to be so here.
+    What the errors of two lights have in common is left out of their relative strength, and must not seem so.
     """
     signs = (-1.0) ** np.arange(len(lights))[:, None]
     if world.positions is not None:

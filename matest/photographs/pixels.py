@@ -119,7 +119,7 @@ class LitPixels:
         return lit if edge is None else lit & ~edge[index]
 
     def lights(self, image: int, index: Tensor | slice = slice(None)) -> Iterator[tuple[Tensor, Tensor]]:
-        """Unit vectors to each node of an image's lights [1 or n, 3], and which of the pixels `index` it reaches [n]."""
+        """Unit vectors to each node of an image's lights [1 or n, 3], and which pixels of `index` it reaches [n]."""
         scene = self.photographs.scene
         shadows = scene.shadows[image] if scene.shadows else None
         normals = scene.surface.normals_as(torch.float32).detach()[index]

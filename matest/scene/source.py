@@ -102,7 +102,7 @@ class Source:
 
 @lru_cache(maxsize=64)
 def _rule(order: int, disc: bool, dtype: torch.dtype, device: torch.device) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Strips at u [n], nodes along them in −1 to 1 [n], half the strips' lengths [n], and weights that sum to 1 [n, n]."""
+    """Strips at u [n], nodes along them in −1 to 1 [n], half their lengths [n], and weights that sum to 1 [n, n]."""
     along, weight_along = np.polynomial.legendre.leggauss(order)
     across, weight_across, length = along, weight_along / 2, np.ones(order)
     if disc:

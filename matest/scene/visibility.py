@@ -70,8 +70,8 @@ def _facing(surface: Surface, light: Light, node: int) -> np.ndarray:
         return (surface.normals.detach() @ toward[0].detach().to(surface.normals.dtype) > 0).numpy()
     facing = np.empty(len(surface), dtype=bool)
     for part in torch.arange(len(surface)).split(_AT_ONCE):
-        normals = surface.normals[part].to(positions.dtype)
-        toward, _ = light.spread(positions[part], normals)
+        normals = surface.normals[part].double()
+        toward, _ = light.spread(positions[part].double(), normals)
         facing[part.numpy()] = ((normals * toward[:, node]).sum(-1) > 0).detach().numpy()
     return facing
 
@@ -85,7 +85,7 @@ def _blocked(surface: Surface, light: Light, node: int, index: np.ndarray) -> np
     blocked = np.empty(len(index), dtype=bool)
     for first in range(0, len(index), _AT_ONCE):
         part = index[first : first + _AT_ONCE]
-        toward = light.spread(positions[part], surface.normals[part].to(positions.dtype))[0][:, node]
+        toward = light.spread(positions[part].double(), surface.normals[part].double())[0][:, node]
         origins = positions[part].detach().numpy() + _RAY_OFFSET * mesh.extent * mesh.face_normals(faces[part])
         directions = np.broadcast_to(toward.detach().numpy(), origins.shape)
         reach = light.distance(torch.from_numpy(origins)).detach().numpy() if light.near else None
