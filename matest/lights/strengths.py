@@ -175,6 +175,12 @@ def measure(
     samples = _read(matte, world, progress)
     sigma, sums = _fit(world, samples)
     power = sums.solve()
+    dark = [file for file, values in zip(matte.files, power, strict=True) if not (values > _LEAST).all()]
+    if dark:
+        raise InputError(
+            f"{dark[0]}: the matte sphere is dark where its light should be; give its photographs in the order of the "
+            "lights, or leave this light out of both folders."
+        )
     cells = sums.without_cells()
     logs = _relative(np.log(np.clip(cells, _LEAST, None)))
     variance = (len(logs) - 1) / len(logs) * ((logs - logs.mean(axis=0)) ** 2).sum(axis=0)
@@ -277,7 +283,7 @@ def _weights(sums: Sums, usable: NDArray[np.bool_]) -> Array:
     """Weights of relative residuals, less for outliers [K, P, C]."""
     model, residual = sums.residuals(sums.solve())
     counts = usable & (sums.share > 0)
-    scale = np.maximum(model, _DIM * model[counts].mean(axis=0))
+    scale = np.maximum(model, max(_DIM * model[counts].mean(axis=0).max(), _LEAST))
     relative = residual / scale
     spread = np.median(np.abs(relative[counts]), axis=0) / 0.6745
     huber = np.clip(_HUBER * spread / np.maximum(np.abs(relative), 1e-300), None, 1)

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 import torch
 from torch import Tensor
-from torch.nn.functional import normalize
+from torch.nn.functional import normalize, pad
 
 from matest.directions import to_local
 from matest.photographs.pixels import LitPixels
@@ -179,7 +179,9 @@ class Worlds:
         surface, like = self.scene.surface, batch.radiance
         copies = len(pixels) // len(batch)
         points, image = batch.points, image.repeat(copies)
-        irradiance = points.irradiance.expand(len(batch), self.slots, like.shape[1])
+        irradiance = points.irradiance.expand(len(batch), -1, like.shape[1])
+        # Lights that an image lacks are dark.
+        irradiance = pad(irradiance, (0, 0, 0, self.slots - irradiance.shape[1]))
         ambient = None if points.ambient is None else points.ambient.expand_as(like).repeat(copies, 1)
         view = surface.toward_viewer(pixels).to(like).expand(len(pixels), 3)
         return World(
