@@ -283,7 +283,7 @@ def _weights(sums: Sums, usable: NDArray[np.bool_]) -> Array:
     """Weights of relative residuals, less for outliers [K, P, C]."""
     model, residual = sums.residuals(sums.solve())
     counts = usable & (sums.share > 0)
-    scale = np.maximum(model, max(_DIM * model[counts].mean(axis=0).max(), _LEAST))
+    scale = np.maximum(model, np.maximum(_DIM * model[counts].mean(axis=0), _LEAST))
     relative = residual / scale
     spread = np.median(np.abs(relative[counts]), axis=0) / 0.6745
     huber = np.clip(_HUBER * spread / np.maximum(np.abs(relative), 1e-300), None, 1)
