@@ -77,7 +77,7 @@ def test_highlights_of_a_source_are_exact_with_the_nodes_that_their_curvature_as
     source = light.source.for_curvature(curvature(material), distance)
     assert source.order < LARGEST_ORDER
     light = PointLight(light.position, light.intensity, axis=light.axis, source=source)
-    normals = normals_at(*np.linspace(-0.7, 0.5, 50))
+    normals = normals_at(*np.linspace(-0.7, 0.5, 16))
     expected = summed(light, normals, material)
     assert (shaded(light, normals, material) - expected).abs().max() < 3e-3 * expected.max()
 
