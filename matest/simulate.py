@@ -16,6 +16,7 @@ import numpy as np
 
 from matest.bands import Band, bands
 from matest.brdf import Brdf, model, preset
+from matest.brdf.curvature import SHARPEST, curvature
 from matest.capture import schema
 from matest.capture.assembly import ImageFormat, Setup, realise
 from matest.capture.description import Description, describe, image_channels, image_shape
@@ -112,7 +113,14 @@ def load_scene(path: str | Path) -> SimulatedScene:
     if images.dtype.kind == "u" and not black < _PEAK_LEVEL:
         raise InputError(f"{file}: encoding.black must leave room for light, below {_PEAK_LEVEL}; got {black}.")
     transfer = tables.encoding.transfer or "linear"
-    setup = realise(description, images, transfer=transfer, supersampling=supersampling)
+    sized = any(light.size is not None for image in tables.image for light in image.lights)
+    setup = realise(
+        description,
+        images,
+        transfer=transfer,
+        supersampling=supersampling,
+        curvature=curvature(material) if sized else SHARPEST,
+    )
     with errors_of(file):
         material = material.replace(optics(material, setup.scene))
     return SimulatedScene(description, images, material, setup, supersampling)

@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import torch
-from torch import Tensor
 
+from matest.brdf.curvature import SHARPEST
 from matest.capture.camera_file import with_camera
 from matest.capture.description import Description
 from matest.capture.geometry import check_size, visible_surface
-from matest.capture.schema import ImageTable, LightTable
-from matest.errors import Fault, InputError, refuse
-from matest.photographs.images import LARGEST, full_scale, read_image
+from matest.capture.light_tables import colour, lights_of
+from matest.errors import InputError
+from matest.photographs.images import full_scale, read_image
 from matest.photographs.noise import Noise
 from matest.photographs.photographs import Photographs
 from matest.photographs.photometry import Encoding
 from matest.photographs.sensor import Sensor
-from matest.scene.lights import DirectionalLight, Light, PointLight, unit_direction
 from matest.scene.scene import Scene
 from matest.scene.sight import Precision
 from matest.scene.surface import Surface
@@ -30,8 +28,6 @@ from matest.scene.surface import Surface
 SATURATION = 0.98
 # Smallest saturation that is suggested, fraction of full scale: cameras that fill their codes clip above it.
 _LOWEST_SATURATION = 0.5
-# Largest exponent of the beam of a light: its half width at half maximum is 2°.
-_LARGEST_EXPONENT = 1000.0
 # Wavelengths of light that a camera may have, µm: values in nm lie far above them.
 _WAVELENGTHS = (0.1, 20.0)
 
@@ -124,6 +120,7 @@ def realise(
     transfer: str | float | None = None,
     supersampling: int = 1,
     precision: Precision = np.float64,
+    curvature: float = SHARPEST,
 ) -> Setup:
     """Geometry, light and camera of a description.
 
@@ -133,6 +130,8 @@ def realise(
         transfer: overrides `encoding.transfer`: "linear", "srgb" or a gamma.
         supersampling: rays per pixel and axis: the scene has so many times the images' resolution.
         precision: of the surface.
+        curvature: of what the material reflects, by which lights with a size get points that stand for them
+            (`brdf.curvature`).
 
     Raises:
         InputError: anything about the files that cannot be used, in one sentence.
@@ -143,7 +142,7 @@ def realise(
     encoding = _encoding(description, images, surface, transfer)
     powers_stated = all(light.power_stated for image in tables.image for light in image.lights)
     return Setup(
-        scene=_scene(description, surface, images.channels),
+        scene=_scene(description, surface, images.channels, curvature),
         encoding=encoding,
         exposures=tuple(1.0 if table.exposure is None else table.exposure for table in tables.image),
         exposures_stated=any(table.exposure is not None for table in tables.image),
@@ -244,7 +243,7 @@ def _frame(path: Path, surface: Surface, encoding: Encoding, channels: int) -> n
     return encoding.signal(pixels, slice(None)) if image.dtype.kind == "u" else pixels
 
 
-def _scene(description: Description, surface: Surface, channels: int) -> Scene:
+def _scene(description: Description, surface: Surface, channels: int, curvature: float) -> Scene:
     """Surface, lights and ambient light of every image, with shadows.
 
     Raises:
@@ -253,72 +252,12 @@ def _scene(description: Description, surface: Surface, channels: int) -> Scene:
     file, camera = description.file, description.tables.camera
     lights, ambient = [], []
     for number, table in enumerate(description.tables.image):
-        lights.append(_lights(table, surface, channels, f"{file}: image {number}"))
-        ambient.append(_colour(table.ambient, channels, f"{file}: image {number}: ambient"))
+        lights.append(lights_of(table, surface, channels, curvature, f"{file}: image {number}"))
+        ambient.append(colour(table.ambient, channels, f"{file}: image {number}: ambient"))
     wavelength = None
     if camera is not None and camera.wavelength is not None:
-        wavelength = _colour(camera.wavelength, channels, f"{file}: camera.wavelength")
+        wavelength = colour(camera.wavelength, channels, f"{file}: camera.wavelength")
         shortest, longest = _WAVELENGTHS
         if not bool(((wavelength > shortest) & (wavelength < longest)).all()):
             raise InputError(f"{file}: camera.wavelength is in µm (green is 0.55); got {camera.wavelength}.")
     return Scene(surface, tuple(lights), torch.stack(ambient), wavelength=wavelength).with_shadows()
-
-
-def _lights(table: ImageTable, surface: Surface, channels: int, label: str) -> tuple[Light, ...]:
-    lights = tuple(_light(light, channels, f"{label}, light {k}") for k, light in enumerate(table.lights))
-    if surface.positions is None and any(light.near for light in lights):
-        raise InputError(
-            f"{label}: a light with a position needs the surface's positions; give a mesh, or positions beside the "
-            "normal map."
-        )
-    return lights
-
-
-def _light(table: LightTable, channels: int, label: str) -> Light:
-    refuse(label, _light_faults(table))
-    if table.radiance is not None and table.solid_angle is not None:
-        power = _colour(table.radiance, channels, f"{label}: radiance") * table.solid_angle
-    else:
-        key = "intensity" if table.direction is None else "irradiance"
-        value = getattr(table, key)
-        power = _colour(math.pi if value is None else value, channels, f"{label}: {key}")
-    if table.direction is not None:
-        return DirectionalLight(unit_direction(list(table.direction), label), power, table.solid_angle)
-    position = torch.tensor(table.position, dtype=torch.float64)
-    if not bool(torch.isfinite(position).all()):
-        raise InputError(f"{label}: position must be finite; got {list(table.position or ())}.")
-    light = PointLight(position, power, table.solid_angle)
-    if table.axis is None:
-        return light
-    axis = unit_direction(list(table.axis), label, "axis must point along the beam")
-    # One with an axis and nothing else is Lambertian.
-    return replace(light, axis=axis, anisotropy=1.0 if table.anisotropy is None else table.anisotropy)
-
-
-def _light_faults(table: LightTable) -> Iterator[Fault]:
-    distant, near, angle = table.direction is not None, table.position is not None, table.solid_angle
-    yield distant == near, "needs either direction (a distant light) or position (a near one)."
-    wrong_power = (table.intensity if distant else table.irradiance) is not None
-    yield wrong_power, "a light with direction has irradiance, one with position has intensity."
-    possible = angle is None or 0 < angle <= 4 * math.pi
-    yield not possible, f"solid_angle must lie between 0 and 4π sr; got {angle}."
-    useless = table.radiance is not None and (near or angle is None or table.irradiance is not None)
-    yield useless, "radiance goes with direction and solid_angle, and without irradiance."
-    exponent = table.anisotropy
-    yield distant and table.axis is not None, "axis is that of a light with position, not with direction."
-    yield exponent is not None and table.axis is None, "anisotropy goes with axis."
-    possible = exponent is None or 0 <= exponent <= _LARGEST_EXPONENT
-    yield not possible, f"anisotropy must lie between 0 and {_LARGEST_EXPONENT:g} (1: Lambertian); got {exponent}."
-
-
-def _colour(value: float | list[float], channels: int, label: str) -> Tensor:
-    """A number or one number per channel as [C], not negative and below `LARGEST`; equal ones serve any C."""
-    values = torch.atleast_1d(torch.as_tensor(value, dtype=torch.float64))
-    if len(values.unique()) == 1:
-        values = values[:1]
-    if len(values) not in (1, channels) or not bool(((values >= 0) & (values < LARGEST)).all()):
-        raise InputError(
-            f"{label} must be one number or {channels} (one per channel of the images), not negative and below "
-            f"{LARGEST:g}; got {value}."
-        )
-    return values.expand(channels).clone()

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from matest.capture.description import Description, describe
 from matest.capture.geometry import camera_of, check_size
 from matest.errors import InputError, errors_of
 from matest.lights.mirror import Mirror
+from matest.lights.outline import find_outline
 from matest.lights.sphere import MirrorSphere
 from matest.photographs.images import read_image, read_mask
 from matest.photographs.photometry import Encoding
@@ -23,6 +25,10 @@ from matest.scene.camera import Camera
 
 # Stems of files beside the photographs that are none of them.
 _MASK, _REFERENCE = "mask", "ref"
+# Photographs in which an outline is looked for, so many at most.
+_OUTLINE_PHOTOGRAPHS = 12
+# Share of the largest part of a mask below which another one is no sphere.
+_SPECK = 0.1
 # Circle of a sphere in the layout of PSBox: x from the left, y from the bottom and radius, a number a line.
 _PSBOX_CIRCLE = "circle_data.txt"
 Circle = tuple[float, float, float]
@@ -38,7 +44,8 @@ def load_mirror(
     """Read a folder with photographs of mirror spheres.
 
     It has a capture.toml, whose images need no lights, or images (in the order of their names) beside a mask, a circle
-    in PSBox's `circle_data.txt`, or neither where `circles` are given.
+    in PSBox's `circle_data.txt`, or neither where `circles` are given or the images show where the sphere ends. A mask
+    of several parts shows several spheres, from left to right.
 
     Args:
         path: the folder, or its capture.toml.
@@ -90,9 +97,38 @@ def _described(
         circles = [(*geometry.centre, geometry.radius)]
     transfer = transfer if transfer is not None else tables.encoding.transfer
     encoding = Encoding("linear" if transfer is None else transfer, saturation=saturation(description, images))
-    with errors_of(file):
-        spheres = _spheres(circles, mask, images.shape, _with_view(camera, fov_y))
-    return Mirror(description.folder, files, description.names, spheres, mask, encoding, images.shape)
+    encoding = replace(encoding, **_frames(description, encoding, images))
+    exposures = tuple(table.exposure for table in tables.image)
+    mirror = Mirror(description.folder, files, description.names, (), mask, encoding, images.shape, exposures)
+    return _with_spheres(mirror, circles, _with_view(camera, fov_y), str(file))
+
+
+def _with_spheres(mirror: Mirror, circles: Sequence[Circle], camera: Camera, label: str) -> Mirror:
+    """Photographs with the spheres in them."""
+
+    def photographs() -> list[np.ndarray]:
+        steps = max(len(mirror.files) // _OUTLINE_PHOTOGRAPHS, 1)
+        return [mirror.brightness(index) for index in range(0, len(mirror.files), steps)]
+
+    with errors_of(label):
+        spheres = _spheres(circles, mirror.mask, mirror.shape, camera, photographs)
+    return replace(mirror, spheres=spheres, outline_seen=not circles and mirror.mask is None)
+
+
+def _frames(description: Description[schema.CaptureFile], encoding: Encoding, images: ImageFormat) -> dict[str, Any]:
+    """The pedestal and the flat field of an encoding, at every pixel of the images where a file has them."""
+    table = description.tables.encoding
+    frames: dict[str, Any] = {}
+    for key, file in (("black", table.black), ("flat", table.flat)):
+        if isinstance(file, str):
+            path = description.path(file, f"encoding.{key}")
+            image = read_image(path)
+            check_size(image, images.shape, f"{path}: the frame")
+            pixels = image.reshape(-1, image.shape[2])
+            frames[key] = encoding.signal(pixels, slice(None)) if image.dtype.kind == "u" else pixels
+    if not isinstance(table.black, str):
+        frames["black"] = float(encoding.linear(np.array(table.black)))
+    return frames
 
 
 def _plain(folder: Path, circles: Sequence[Circle], transfer: str | float | None, fov_y: float | None) -> Mirror:
@@ -113,9 +149,8 @@ def _plain(folder: Path, circles: Sequence[Circle], transfer: str | float | None
     encoding = Encoding(
         "linear" if transfer is None else transfer, saturation=SATURATION if first.dtype.kind == "u" else None
     )
-    with errors_of(folder):
-        spheres = _spheres(circles, mask, shape, _with_view(Camera(), fov_y))
-    return Mirror(folder, files, tuple(file.name for file in files), spheres, mask, encoding, shape)
+    mirror = Mirror(folder, files, tuple(file.name for file in files), (), mask, encoding, shape)
+    return _with_spheres(mirror, circles, _with_view(Camera(), fov_y), str(folder))
 
 
 def _is_image(file: Path) -> bool:
@@ -152,18 +187,38 @@ def _with_view(camera: Camera, fov_y: float | None) -> Camera:
 
 
 def _spheres(
-    circles: Sequence[Circle], mask: np.ndarray | None, shape: tuple[int, int], camera: Camera
+    circles: Sequence[Circle],
+    mask: np.ndarray | None,
+    shape: tuple[int, int],
+    camera: Camera,
+    photographs: Callable[[], Sequence[np.ndarray]],
 ) -> tuple[MirrorSphere, ...]:
-    """The spheres of circles that are stated, or else the one that the mask shows.
+    """The spheres of circles that are stated, or else those that the mask shows, or else the one that images show.
 
     Raises:
-        InputError: neither is given, or the mask shows no sphere.
+        InputError: neither is given, and none can be seen.
     """
     if circles:
         return tuple(MirrorSphere.from_circle(circle, shape, camera) for circle in circles)
-    if mask is None:
+    if mask is not None:
+        return tuple(MirrorSphere.from_mask(part, camera) for part in _parts(mask))
+    edge = find_outline(photographs())
+    if edge is None:
         raise InputError(
-            "no circle: neither a mask nor centre and radius of the sphere; add mask.png, or give --circle X,Y,R in "
-            "pixels."
+            "no circle: neither a mask nor centre and radius of the sphere, nor an outline that stands out of the "
+            "photographs; add mask.png, or give --circle X,Y,R in pixels."
         )
-    return (MirrorSphere.from_mask(mask, camera),)
+    sphere = MirrorSphere.from_edge(edge, shape, camera)
+    # What looks like the outline may be its reflection: the circle is known no better than one that is read off.
+    stated = MirrorSphere.from_circle(sphere.circle, shape, camera)
+    return (replace(sphere, covariance=sphere.covariance + stated.covariance),)
+
+
+def _parts(mask: np.ndarray) -> list[np.ndarray]:
+    """The masks of single spheres, from left to right: the parts of a mask that do not touch, without specks."""
+    from scipy import ndimage
+
+    labels, count = ndimage.label(mask > 0, structure=np.ones((3, 3)))
+    sizes = np.bincount(labels.ravel())[1:]
+    parts = [np.where(labels == number + 1, mask, 0) for number in range(count) if sizes[number] > _SPECK * max(sizes)]
+    return sorted(parts, key=lambda part: float(np.flatnonzero(part.any(axis=0)).mean()))

@@ -69,6 +69,8 @@ class LightTable(_Table):
     solid_angle: float | None = None
     axis: Vector | None = None
     anisotropy: float | None = None
+    size: float | tuple[float, float] | None = None  # diameter of a disc, or width and height of a rectangle
+    up: Vector | None = None  # along the height of a rectangle
 
     @property
     def power_stated(self) -> bool:

@@ -61,13 +61,29 @@ def lights(
             show_default=False,
         ),
     ] = None,
+    diffuse: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER",
+            help="Photographs of a matte grey sphere under the same lights in the same order: how strong the lights "
+            "are follows from them.",
+            show_default=False,
+        ),
+    ] = None,
+    diffuse_circle: Annotated[
+        str | None,
+        typer.Option(
+            "--diffuse-circle", metavar="X,Y,R", help="Circle of the matte sphere, pixels.", show_default=False
+        ),
+    ] = None,
     transfer: arguments.Transfer = None,
     as_json: arguments.Json = False,
 ) -> None:
     """Find the directions of lights, or their positions, from photographs of mirror spheres.
 
-    Every direction comes with its error, from those of the sphere's outline and of the highlight. The list and the
-    tables with the lights and their uncertainty go to OUT and OUT with .toml.
+    Every direction comes with its error, from those of the sphere's outline and of the highlight; so do solid angles,
+    where the highlight resolves them, and strengths, from photographs of a matte sphere. The list and the tables with
+    the lights and their uncertainty go to OUT and OUT with .toml.
     """
     import numpy as np
 
@@ -75,6 +91,7 @@ def lights(
     from matest.lights.files import check_tables, write_capture_tables, write_light_list
     from matest.lights.lights import find_lights
     from matest.lights.position import Placement
+    from matest.lights.strengths import measure
     from matest.report.lights import lights_record, lights_report
 
     if out.suffix.lower() == ".toml" or out.is_dir() or not out.absolute().parent.is_dir():
@@ -90,20 +107,28 @@ def lights(
         load_mirror(capture, share, transfer=arguments.encoding(transfer), fov_y=fov_y)
         for capture, share in zip(captures, shares, strict=True)
     ]
+    if diffuse_circle and diffuse is None:
+        raise InputError("--diffuse-circle is that of --diffuse FOLDER, the photographs of a matte sphere; give both.")
+    matte = None
+    if diffuse is not None:
+        stated = [arguments.circle(diffuse_circle)] if diffuse_circle else []
+        matte = load_mirror(diffuse, stated, transfer=arguments.encoding(transfer), fov_y=fov_y)
     placement = None
     if radius is not None:
         centres = np.array([arguments.centre(text) for text in centre]) if centre else None
         placement = Placement(radius, centres)
         placement.check([sphere for mirror in mirrors for sphere in mirror.spheres])
-    files = [file for mirror in mirrors for file in (*mirror.files, mirror.folder / "capture.toml")]
+    read = mirrors if matte is None else [*mirrors, matte]
+    files = [file for mirror in read for file in (*mirror.files, mirror.folder / "capture.toml")]
     keep_inputs((out, tables), files)
     check_tables(tables)
     with progress(", ".join(map(str, captures))) as say:
         found = find_lights(mirrors, placement, say)
+        strengths = None if matte is None else measure(found, matte, placement, say)
     with whole_files(out.absolute().parent, out.name) as folder:
-        write_capture_tables(found, folder / tables.name)
+        write_capture_tables(found, folder / tables.name, strengths)
         write_light_list(found, folder / out.name)
     if as_json:
-        print_json({**lights_record(found, mirrors), "files": [str(out), str(tables)]})
+        print_json({**lights_record(found, mirrors, strengths), "files": [str(out), str(tables)]})
         return
-    console().print(lights_report(found, mirrors), f"Written to {out} and {tables}")
+    console().print(lights_report(found, mirrors, strengths), f"Written to {out} and {tables}")

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from matest.lights.extent import Extent, measure_extent
 from matest.lights.highlight import Patch
-from matest.lights.sphere import MirrorSphere
+from matest.lights.sphere import MirrorSphere, standard_errors
 
 # Step of derivatives by the place of a highlight, pixels: far less than the sphere's radius.
 _STEP = 0.05
@@ -37,6 +38,7 @@ class Sighting:
         by_outline: the same of the sphere's outline, which all lights of a sphere have in common [3, 3].
         place: of the highlight in the image (x, y), pixels.
         saturated: pixels of the highlight.
+        extent: solid angle of the light; None where the highlight does not tell it.
     """
 
     ray: Ray
@@ -44,6 +46,7 @@ class Sighting:
     by_outline: Ray
     place: tuple[float, float]
     saturated: int
+    extent: Extent | None = None
 
     @property
     def variance(self) -> float:
@@ -68,17 +71,17 @@ def sight(patch: Patch, sphere: MirrorSphere) -> Sighting:
 
     here = np.zeros(2)
     slopes = np.stack([ray(step) - ray(-step) for step in _STEP * np.eye(2)]) / (2 * _STEP)
-    by_place = _standard_errors(patch.covariance) @ slopes
-    steps = _standard_errors(sphere.covariance)
+    by_place = standard_errors(patch.covariance) @ slopes
+    steps = standard_errors(sphere.covariance)
     by_outline = np.stack([ray(here, sphere.outline + step) - ray(here, sphere.outline - step) for step in steps]) / 2
-    return Sighting(_split(ray(here)), _split(by_place), _split(by_outline), patch.place, patch.saturated)
-
-
-def _standard_errors(covariance: np.ndarray) -> np.ndarray:
-    """One standard error along each axis of a covariance [n, n], a row each."""
-    variances, axes = np.linalg.eigh(covariance)
-    errors: np.ndarray = np.sqrt(np.clip(variances, 0, None))[:, None] * axes.T
-    return errors
+    return Sighting(
+        ray=_split(ray(here)),
+        by_place=_split(by_place),
+        by_outline=_split(by_outline),
+        place=patch.place,
+        saturated=patch.saturated,
+        extent=measure_extent(patch, sphere),
+    )
 
 
 def _split(numbers: np.ndarray) -> Ray:
@@ -88,13 +91,7 @@ def _split(numbers: np.ndarray) -> Ray:
 def _mean_ray(patch: Patch, sphere: MirrorSphere, x: np.ndarray, y: np.ndarray, outline: np.ndarray) -> np.ndarray:
     """Mean direction of what places (x, y) reflect, and mean place on the sphere, by the patch's weights [6]."""
     reflection = sphere.reflect(x, y, outline)
-
-    def across(dx: float, dy: float) -> np.ndarray:
-        ends = (sphere.reflect(x + sign * dx, y + sign * dy, outline).directions for sign in (0.5, -0.5))
-        return np.subtract(*ends)
-
-    solid_angles = np.linalg.norm(np.cross(across(1, 0), across(0, 1)), axis=1)
-    weights = patch.weights * solid_angles
+    weights = patch.weights * sphere.solid_angles(x, y, outline)
     mean = weights @ reflection.directions
     spot = weights @ reflection.normals / weights.sum()
     if not sphere.camera.orthographic:

@@ -21,6 +21,10 @@ _FOOT = 0.1
 _HIGHER_FOOT = 0.25
 # How far beyond its core a patch has weight, pixels: as far as the soft edges of sharp photographs reach.
 _MARGIN = 3
+# How far the window reaches beyond a patch in which its whole light is summed, pixels and radii of the patch at least:
+# what lens and sensor blur is within.
+_WIDEST_MARGIN = 9
+_MARGIN_RADII = 1.5
 # Percentiles of what is around a patch: its level is the median, and the others are how uneven it is.
 _AROUND = (10, 50, 90)
 # Highest level around a patch that is reckoned with, so that pixels of the patch lie above the higher foot.
@@ -45,6 +49,25 @@ _STEP_STD = np.sqrt(2 / 12)
 
 
 @dataclass(frozen=True)
+class Window:
+    """A patch and what is around it.
+
+    Attributes:
+        values: brightness H×W.
+        seen: H×W, whether the sphere is seen there.
+        distance: to the patch's core, pixels H×W.
+        corner: column and row of its first pixel in the image.
+        noise: standard deviation of a pixel's brightness.
+    """
+
+    values: np.ndarray
+    seen: np.ndarray
+    distance: np.ndarray
+    corner: tuple[int, int]
+    noise: float
+
+
+@dataclass(frozen=True)
 class Patch:
     """A bright patch of a sphere's image.
 
@@ -55,6 +78,7 @@ class Patch:
         pixels: bright ones.
         saturated: saturated ones among them.
         touches_rim: whether it reaches the sphere's outline.
+        window: that shows it with what is around.
     """
 
     x: np.ndarray
@@ -64,6 +88,7 @@ class Patch:
     pixels: int
     saturated: int
     touches_rim: bool
+    window: Window
 
     @property
     def place(self) -> tuple[float, float]:
@@ -126,9 +151,18 @@ def candidates(
         bright = values[boxes[k]][pixels].max() >= _BRIGHT * peak
         if not bright or sizes[k] > _LARGEST * np.count_nonzero(seen):
             continue
-        box = tuple(slice(max(side.start - 2 * _MARGIN, 0), side.stop + 2 * _MARGIN) for side in boxes[k])
+        box = _grown(boxes[k], 2 * _MARGIN)
         corner = (columns.start + box[1].start, rows.start + box[0].start)
-        patches.append(_patch(labels[box] == k + 1, height[box], saturated[box], rim[box], noise, corner))
+        pixels = labels[box] == k + 1
+        wide = _grown(boxes[k], max(_WIDEST_MARGIN, round(_MARGIN_RADII * np.sqrt(sizes[k] / np.pi))))
+        window = Window(
+            values=values[wide],
+            seen=seen[wide],
+            distance=ndimage.distance_transform_edt(~_core(np.pad(labels[wide] == k + 1, 1))[1:-1, 1:-1]),
+            corner=(columns.start + wide[1].start, rows.start + wide[0].start),
+            noise=noise * (peak - median),
+        )
+        patches.append(_patch(pixels, height[box], saturated[box], rim[box], noise, corner, window))
         if len(patches) == _PATCHES:
             break
     return Candidates(peak, tuple(patches))
@@ -198,6 +232,12 @@ def _window(sphere: MirrorSphere) -> tuple[slice, slice]:
     return rows, slice(int(np.clip(x - reach, 0, width)), int(np.clip(x + reach + 1, 0, width)))
 
 
+def _grown(box: tuple[slice, slice], margin: int) -> tuple[slice, slice]:
+    """Rows and columns with so many more on every side."""
+    rows, columns = (slice(max(side.start - margin, 0), side.stop + margin) for side in box)
+    return rows, columns
+
+
 def _noise(values: np.ndarray, seen: np.ndarray) -> float:
     """Standard deviation of a pixel's noise, from the median difference of neighbours on the sphere."""
     both = seen[:, 1:] & seen[:, :-1]
@@ -212,6 +252,7 @@ def _patch(
     rim: np.ndarray,
     noise: float,
     corner: tuple[int, int],
+    window: Window,
 ) -> Patch:
     """The patch of some pixels of a window that reaches a little farther than they do.
 
@@ -221,6 +262,7 @@ def _patch(
         saturated, rim: pixels that are saturated, and those at the outline.
         noise: standard deviation of `height`.
         corner: column and row of the window's first pixel in the image.
+        window: a wider one, to keep.
     """
     from scipy import ndimage
 
@@ -248,6 +290,7 @@ def _patch(
         pixels=int(core.sum()),
         saturated=int((core & saturated).sum()),
         touches_rim=bool((core & rim).any()),
+        window=window,
     )
 
 

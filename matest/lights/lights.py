@@ -9,6 +9,7 @@ import numpy as np
 
 from matest.errors import InputError
 from matest.lights.directions import Sighting
+from matest.lights.extent import Extent, combine, common_extent
 from matest.lights.mirror import Mirror
 from matest.lights.position import Placement, Position, intersect
 from matest.progress import Progress, silent
@@ -29,6 +30,7 @@ class Light:
         sightings: of every sphere.
         apart: largest angle between what two spheres see, rad; None of one sphere.
         position: in world units, where two spheres determine it.
+        extent: its solid angle; None where no highlight tells it.
     """
 
     name: str
@@ -38,6 +40,7 @@ class Light:
     sightings: tuple[Sighting, ...]
     apart: float | None = None
     position: Position | None = None
+    extent: Extent | None = None
 
     @property
     def std(self) -> float:
@@ -58,6 +61,13 @@ class Lights:
     lights: tuple[Light, ...]
     excess: float = 0.0
     notes: tuple[str, ...] = ()
+
+    @property
+    def extents(self) -> list[Extent | None]:
+        """Solid angles as files state them: one for all lights where every one is told and they agree."""
+        extents = [light.extent for light in self.lights]
+        shared = common_extent(extents)
+        return extents if shared is None else [shared] * len(extents)
 
     @property
     def uncertainty(self) -> dict[str, float]:
@@ -118,7 +128,8 @@ def _light(name: str, sightings: Sequence[Sighting], excess: float, position: Po
     changes = [weight * one.by_place.direction for weight, one in zip(weights, sightings, strict=True)]
     own = sum(change.T @ change for change in changes) + excess**2 / len(sightings) * (np.eye(3) - np.outer(mean, mean))
     common = np.concatenate([weight * one.by_outline.direction for weight, one in zip(weights, sightings, strict=True)])
-    return Light(name, mean, own, common, tuple(sightings), _apart(directions), position)
+    extent = combine([one.extent for one in sightings])
+    return Light(name, mean, own, common, tuple(sightings), _apart(directions), position, extent)
 
 
 def _apart(directions: np.ndarray) -> float | None:

@@ -1,4 +1,4 @@
-"""Photographs of mirror spheres, and what the spheres show of the lights."""
+"""Photographs of spheres under one light each, and what mirror spheres show of the lights."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from matest.errors import InputError
 from matest.lights.directions import Sighting, sight
 from matest.lights.highlight import Candidates, candidates, choose
 from matest.lights.sphere import MirrorSphere
-from matest.photographs.images import full_scale, read_image
+from matest.photographs.images import ImageFile, full_scale, read_image_file
 from matest.photographs.photometry import Encoding
 from matest.progress import Progress, silent
 from matest.workers import in_threads
@@ -20,7 +20,7 @@ from matest.workers import in_threads
 
 @dataclass(frozen=True)
 class Mirror:
-    """Photographs of mirror spheres under one light each.
+    """Photographs of spheres under one light each: of mirrors, or of a matte one that measures how strong lights are.
 
     Attributes:
         folder: that holds them.
@@ -30,6 +30,8 @@ class Mirror:
         mask: H×W, nonzero where the spheres can be seen; None: everywhere.
         encoding: from pixels to brightness.
         shape: height and width of every photograph in pixels.
+        exposures: of each photograph as stated; None where nothing states it; none at all: nothing states any.
+        outline_seen: whether the outline of its sphere comes from edges in the photographs.
     """
 
     folder: Path
@@ -39,6 +41,8 @@ class Mirror:
     mask: np.ndarray | None
     encoding: Encoding
     shape: tuple[int, int]
+    exposures: tuple[float | None, ...] = ()
+    outline_seen: bool = False
 
     def brightness(self, index: int) -> np.ndarray:
         """A photograph as H×W mean of the channels, 1 where all are saturated; relative where none ever is.
@@ -46,13 +50,7 @@ class Mirror:
         Raises:
             InputError: it cannot be read, or has another size than the first.
         """
-        path = self.files[index]
-        stored = read_image(path)
-        if stored.shape[:2] != self.shape:
-            raise InputError(
-                f"{path}: expected the size of {self.files[0].name}, {self.shape[0]}×{self.shape[1]}; got "
-                f"{stored.shape[0]}×{stored.shape[1]}. The sphere must be at the same place in all photographs."
-            )
+        stored = self._stored(index).pixels
         if self.encoding.saturation is None:
             unbounded: np.ndarray = self.encoding.linear(stored.astype(np.float32)).mean(axis=2)
             return unbounded
@@ -60,6 +58,31 @@ class Mirror:
         clipped = np.minimum(stored / np.float32(full_scale(stored.dtype)), limits)
         shares: np.ndarray = (self.encoding.linear(clipped) / self.encoding.linear(limits)).mean(axis=2)
         return shares
+
+    def radiance(self, index: int, pixels: np.ndarray) -> np.ndarray:
+        """Radiance of some pixels of a photograph, by their flat indices [n], [n, C]; NaN where they are saturated.
+
+        Raises:
+            InputError: it cannot be read, or has another size than the first.
+        """
+        file = self._stored(index)
+        stored = file.pixels.reshape(-1, file.pixels.shape[2])[pixels]
+        stated = self.exposures[index] if self.exposures else None
+        exposure = next((value for value in (stated, file.exposure) if value is not None), 1.0)
+        signal = self.encoding.signal(stored, pixels) / exposure
+        values: np.ndarray = np.where(self.encoding.saturated(stored), np.nan, signal)
+        return values
+
+    def _stored(self, index: int) -> ImageFile:
+        path = self.files[index]
+        file = read_image_file(path)
+        height, width = file.pixels.shape[:2]
+        if (height, width) != self.shape:
+            raise InputError(
+                f"{path}: expected the size of {self.files[0].name}, {self.shape[0]}×{self.shape[1]}; got "
+                f"{height}×{width}. The sphere must be at the same place in all photographs."
+            )
+        return file
 
     def sightings(self, progress: Progress = silent) -> list[list[Sighting]]:
         """What every sphere shows of the light of every photograph: a list for each sphere.

@@ -9,7 +9,7 @@ import numpy as np
 
 from matest.errors import InputError
 from matest.scene.camera import Camera
-from matest.scene.circle import edge_points, fit_circle, jackknife
+from matest.scene.circle import circle_through, edge_points, jackknife
 
 # Standard error of each number of a circle that is stated, pixels: people read them off a picture to the pixel.
 STATED_STD = 0.5
@@ -59,13 +59,20 @@ class MirrorSphere:
         Raises:
             InputError: the edge is no outline of a sphere.
         """
-        shape = (mask.shape[0], mask.shape[1])
+        return cls.from_edge(edge_points(mask), (mask.shape[0], mask.shape[1]), camera)
+
+    @classmethod
+    def from_edge(cls, edge: np.ndarray, shape: tuple[int, int], camera: Camera) -> MirrorSphere:
+        """The sphere whose outline points (x, y) of an image follow [n, 2], in their order along it.
+
+        Raises:
+            InputError: they are no outline of a sphere.
+        """
         if camera.orthographic:
-            fit = fit_circle(mask)
+            fit = circle_through(edge)
             covariance = np.diag([fit.centre_std**2, fit.centre_std**2, fit.radius_std**2])
             circle = (*fit.centre, fit.radius)
             return cls(camera, shape, np.array(circle), covariance, circle)
-        edge = edge_points(mask)
         if len(edge) < _FEWEST_POINTS:
             raise InputError("the mask's edge is too short for the outline of a sphere; give --circle X,Y,R.")
         rays = _rays(camera, shape, edge)
@@ -149,6 +156,28 @@ class MirrorSphere:
             view = -rays
         cosine = (normals * view).sum(axis=1, keepdims=True)
         return Reflection(2 * cosine * normals - view, normals)
+
+    def solid_angles(self, x: np.ndarray, y: np.ndarray, outline: np.ndarray | None = None) -> np.ndarray:
+        """Solid angles of what pixels centred at (x, y) [N] show, sr [N]; of another outline where one is given."""
+        right, down = np.moveaxis(self.slopes(x, y, outline), -1, 0)
+        angles: np.ndarray = np.linalg.norm(np.cross(right, down), axis=1)
+        return angles
+
+    def slopes(self, x: np.ndarray, y: np.ndarray, outline: np.ndarray | None = None) -> np.ndarray:
+        """Change of the direction that is shown, a pixel to the right and down [N, 3, 2]."""
+
+        def across(dx: float, dy: float) -> np.ndarray:
+            ends = (self.reflect(x + sign * dx, y + sign * dy, outline).directions for sign in (0.5, -0.5))
+            return np.subtract(*ends)
+
+        return np.stack([across(1, 0), across(0, 1)], axis=-1)
+
+
+def standard_errors(covariance: np.ndarray) -> np.ndarray:
+    """One standard error along each axis of covariances [..., n, n], a row each."""
+    variances, axes = np.linalg.eigh(covariance)
+    errors: np.ndarray = np.sqrt(np.clip(variances, 0, None))[..., None] * np.swapaxes(axes, -1, -2)
+    return errors
 
 
 def _rays(camera: Camera, shape: tuple[int, int], places: np.ndarray) -> np.ndarray:

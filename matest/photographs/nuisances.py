@@ -341,11 +341,12 @@ def key_light(worlds: Worlds) -> Tensor:
 
 
 def _light_numbers(worlds: Worlds) -> Tensor:
-    """The number of every light of every image [I, L]; lights that are stated to be the same have one."""
+    """The number of every light's nodes in every image [I, L]; lights that are stated to be the same have one."""
     numbers: dict[Hashable, int] = {}
     rows = []
     for image in worlds.images:
-        row = [numbers.setdefault(light.key, len(numbers)) for light in worlds.scene.lights[image]]
+        lights = worlds.scene.lights[image]
+        row = [number for light in lights for number in [numbers.setdefault(light.key, len(numbers))] * light.nodes]
         # Lights that an image lacks give nothing: whose number they have does not matter.
         rows.append(row + [0] * (worlds.slots - len(row)))
     return torch.tensor(rows)

@@ -119,14 +119,14 @@ class LitPixels:
         return lit if edge is None else lit & ~edge[index]
 
     def lights(self, image: int, index: Tensor | slice = slice(None)) -> Iterator[tuple[Tensor, Tensor]]:
-        """Unit vectors to each light of an image [1 or n, 3], and which of the pixels `index` it reaches, bool [n]."""
+        """Unit vectors to each node of an image's lights [1 or n, 3], and which pixels of `index` it reaches [n]."""
         scene = self.photographs.scene
         shadows = scene.shadows[image] if scene.shadows else None
         normals = scene.surface.normals_as(torch.float32).detach()[index]
         positions = scene.near_positions(image, index)
         positions = None if positions is None else positions.detach().float()
-        for number, light in enumerate(scene.lights[image]):
-            toward, _ = light.to(torch.float32, "cpu").at(positions)
+        nodes = (light.to(torch.float32, "cpu").spread(positions, normals)[0] for light in scene.lights[image])
+        for number, toward in enumerate(toward for light in nodes for toward in light.unbind(1)):
             reaches = dot(normals, toward) > 0
             if shadows is not None:
                 reaches &= torch.from_numpy(~shadows[number][index])

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 import torch
 from torch import Tensor
-from torch.nn.functional import normalize
+from torch.nn.functional import normalize, pad
 
 from matest.directions import to_local
 from matest.photographs.pixels import LitPixels
@@ -130,8 +130,8 @@ class Worlds:
 
     @cached_property
     def slots(self) -> int:
-        """L: the most lights that an image has."""
-        return max(len(self.scene.lights[image]) for image in self.images)
+        """L: the most lights that an image has, each as many times as it has nodes."""
+        return max(sum(light.nodes for light in self.scene.lights[image]) for image in self.images)
 
     @cached_property
     def sphere_radius(self) -> float | None:
@@ -179,7 +179,9 @@ class Worlds:
         surface, like = self.scene.surface, batch.radiance
         copies = len(pixels) // len(batch)
         points, image = batch.points, image.repeat(copies)
-        irradiance = points.irradiance.expand(len(batch), self.slots, like.shape[1])
+        irradiance = points.irradiance.expand(len(batch), -1, like.shape[1])
+        # Lights that an image lacks are dark.
+        irradiance = pad(irradiance, (0, 0, 0, self.slots - irradiance.shape[1]))
         ambient = None if points.ambient is None else points.ambient.expand_as(like).repeat(copies, 1)
         view = surface.toward_viewer(pixels).to(like).expand(len(pixels), 3)
         return World(
@@ -194,14 +196,18 @@ class Worlds:
     def _toward(self, image: Tensor, pixels: Tensor, like: Tensor) -> Tensor:
         """Unit vectors to the lights [n, L, 3]; those of lights that an image lacks are the normal."""
         surface = self.scene.surface
-        toward = surface.normals_as(like.dtype)[pixels][:, None].repeat(1, self.slots, 1)
+        normals = surface.normals_as(like.dtype)[pixels]
+        toward = normals[:, None].repeat(1, self.slots, 1)
         for position in image.unique().tolist():
             rows = (image == position).nonzero()[:, 0]
-            for slot, light in enumerate(self.scene.lights[self.images[position]]):
+            slot = 0
+            for light in self.scene.lights[self.images[position]]:
                 places = None
                 if light.near and surface.positions is not None:
                     places = surface.positions[pixels[rows]].to(like)
-                toward[rows, slot] = light.to(like.dtype, "cpu").at(places)[0].expand(len(rows), 3)
+                nodes = light.to(like.dtype, "cpu").spread(places, normals[rows])[0]
+                toward[rows, slot : slot + light.nodes] = nodes.expand(len(rows), -1, 3)
+                slot += light.nodes
         return toward
 
 

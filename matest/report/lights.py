@@ -8,16 +8,21 @@ from typing import Any
 
 import numpy as np
 from rich.console import Group
-from rich.table import Column
+from rich.table import Column, Table
 from rich.text import Text
 
+from matest.lights.extent import Extent
 from matest.lights.lights import Light, Lights
 from matest.lights.mirror import Mirror
+from matest.lights.strengths import Strengths
 from matest.report.format import measured
 from matest.report.tables import plain_table
 
+# What strengths are called, by the number of channels.
+_CHANNELS = {1: ("strength",), 3: ("strength: red", "green", "blue")}
 
-def lights_report(lights: Lights, mirrors: Sequence[Mirror]) -> Group:
+
+def lights_report(lights: Lights, mirrors: Sequence[Mirror], strengths: Strengths | None = None) -> Group:
     """The spheres, the light of every photograph, and what to know of them."""
     several = any(light.apart is not None for light in lights.lights)
     near = any(light.position is not None for light in lights.lights)
@@ -31,16 +36,29 @@ def lights_report(lights: Lights, mirrors: Sequence[Mirror]) -> Group:
         row = [light.name, "  ".join(f"{number:7.4f}" for number in light.direction), f"± {_degrees(light.std)}", where]
         table.add_row(*row, *([_position(light)] if near else []))
     stated = ", ".join(f"{name} = {std:.2g} rad ({_degrees(std)})" for name, std in lights.uncertainty.items())
+    notes = [*lights.notes, *_bounds(lights)]
+    if strengths is not None:
+        stated += f", intensity = {strengths.uncertainty:.2g} (relative)"
+        notes += strengths.notes
     return Group(
         *(Text(line) for line in _spheres(mirrors)),
         table,
+        _strengths(lights, strengths),
         Text(f"Uncertainty: {stated}."),
-        *(Text(f"Note: {note}", style="yellow") for note in lights.notes),
+        *(Text(f"Note: {note}", style="yellow") for note in notes),
     )
 
 
-def lights_record(lights: Lights, mirrors: Sequence[Mirror]) -> dict[str, Any]:
+def lights_record(lights: Lights, mirrors: Sequence[Mirror], strengths: Strengths | None = None) -> dict[str, Any]:
     """The same as plain values for JSON; angles in rad."""
+    uncertainty, notes, matte = dict(lights.uncertainty), list(lights.notes), None
+    records = [_record(light) for light in lights.lights]
+    if strengths is not None:
+        uncertainty["intensity"] = strengths.uncertainty
+        notes += strengths.notes
+        matte = {"sigma": strengths.sigma, "misfit": strengths.misfit}
+        for record, power, std in zip(records, strengths.power.tolist(), strengths.std.tolist(), strict=True):
+            record |= {"power": power, "power_relative_std": std}
     return {
         "schema": "matest.lights/1",
         "spheres": [
@@ -52,9 +70,10 @@ def lights_record(lights: Lights, mirrors: Sequence[Mirror]) -> dict[str, Any]:
             for mirror in mirrors
             for sphere in mirror.spheres
         ],
-        "lights": [_record(light) for light in lights.lights],
-        "uncertainty": lights.uncertainty,
-        "notes": list(lights.notes),
+        "matte": matte,
+        "lights": records,
+        "uncertainty": uncertainty,
+        "notes": notes,
     }
 
 
@@ -67,6 +86,7 @@ def _record(light: Light) -> dict[str, Any]:
         "apart": light.apart,
         "position": None if position is None else position.point.tolist(),
         "position_std": None if position is None else position.std.tolist(),
+        "extent": _extent(light.extent),
         "highlights": [
             {
                 "place": list(one.place),
@@ -79,6 +99,53 @@ def _record(light: Light) -> dict[str, Any]:
     }
 
 
+def _extent(extent: Extent | None) -> dict[str, Any] | None:
+    """The solid angle with its error, or its upper bound."""
+    if extent is None:
+        return None
+    if extent.std is None:
+        return {"at_most": extent.solid_angle, "clipped": extent.clipped}
+    return {"solid_angle": extent.solid_angle, "std": extent.std}
+
+
+def _strengths(lights: Lights, strengths: Strengths | None) -> Table:
+    """The size of every light, and how strong it is in every channel."""
+    table = plain_table(Column("image"), Column("solid angle, sr", justify="right", no_wrap=True))
+    if strengths is not None:
+        for name in _CHANNELS.get(strengths.power.shape[1], ()):
+            table.add_column(name, justify="right", no_wrap=True)
+    for number, light in enumerate(lights.lights):
+        cells = [light.name, _solid_angle(light.extent)]
+        if strengths is not None:
+            stds = strengths.power[number] * strengths.std[number]
+            pairs = zip(strengths.power[number].tolist(), stds.tolist(), strict=True)
+            cells += [measured(value, std) for value, std in pairs]
+        table.add_row(*cells)
+    return table
+
+
+def _bounds(lights: Lights) -> list[str]:
+    """What to do about solid angles that are only bounds."""
+    bounds = [light.extent for light in lights.lights if light.extent is not None and light.extent.std is None]
+    clipped = sum(extent.clipped for extent in bounds)
+    if clipped:
+        return [
+            f"solid angles with ≤ are upper bounds: the sensor clips {clipped} of {len(lights.lights)} highlights. "
+            "Darker photographs of the mirror sphere would tell them."
+        ]
+    if bounds:
+        return ["solid angles with ≤ are upper bounds: the highlights are as small as the blur. A larger sphere tells."]
+    return []
+
+
+def _solid_angle(extent: Extent | None) -> str:
+    if extent is None:
+        return "-"
+    if extent.std is None:
+        return f"≤ {extent.solid_angle:.2g}"
+    return measured(extent.solid_angle, extent.std)
+
+
 def _spheres(mirrors: Sequence[Mirror]) -> list[str]:
     """A sentence for each sphere."""
     lines = []
@@ -88,6 +155,8 @@ def _spheres(mirrors: Sequence[Mirror]) -> list[str]:
             sentence = f"{mirror.folder}: sphere at ({x:.2f}, {y:.2f}), radius {radius:.2f} px"
             if sphere.distance is not None:
                 sentence += f", {sphere.distance:.3g} radii from the camera"
+            if mirror.outline_seen:
+                sentence += ", by the edges in the photographs: check it"
             lines.append(sentence + ".")
     return lines
 

@@ -39,7 +39,15 @@ def fit_circle(mask: np.ndarray) -> Circle:
     Raises:
         InputError: the edge is not a circle to 3 % of its radius.
     """
-    edge = edge_points(mask)
+    return circle_through(edge_points(mask))
+
+
+def circle_through(edge: np.ndarray) -> Circle:
+    """The circle that points (x, y) along an edge follow [n, 2], in their order, with standard errors.
+
+    Raises:
+        InputError: they are no circle to 3 % of its radius.
+    """
     x, y, radius = _circle_through(edge)
     offsets = edge - (x, y)
     distances = np.linalg.norm(offsets, axis=1)

@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from matest.errors import InputError
+from matest.scene.source import Source
 
 
 class Light(Protocol):
@@ -20,6 +21,7 @@ class Light(Protocol):
         solid_angle: of the source in sr, if known.
         near: whether direction and irradiance depend on the position on the surface.
         power: irradiance on a facing surface of a distant light, at unit distance of a near one, [C].
+        nodes: how many points stand for it; 1 unless its size matters.
     """
 
     @property
@@ -31,14 +33,26 @@ class Light(Protocol):
     @property
     def power(self) -> Tensor: ...
 
+    @property
+    def nodes(self) -> int: ...
+
     def at(self, positions: Tensor | None) -> tuple[Tensor, Tensor]:
-        """Unit vectors to the light [1 or N, 3] and irradiance of a surface facing it [1 or N, C].
+        """Unit vectors to the light's middle [1 or N, 3] and irradiance of a surface facing it [1 or N, C].
 
         Args:
             positions: of the surface in world units [N, 3]; a distant light needs none.
 
         Raises:
             InputError: a near light without positions.
+        """
+        ...
+
+    def spread(self, positions: Tensor | None, normals: Tensor) -> tuple[Tensor, Tensor]:
+        """As `at`, of the points that stand for the part above the horizon: [1 or N, nodes, 3], [1 or N, nodes, C].
+
+        Args:
+            positions: as above.
+            normals: of the surface [N, 3].
         """
         ...
 
@@ -80,8 +94,15 @@ class DirectionalLight:
     def power(self) -> Tensor:
         return self.irradiance
 
+    @property
+    def nodes(self) -> int:
+        return 1
+
     def at(self, positions: Tensor | None) -> tuple[Tensor, Tensor]:  # noqa: ARG002
         return self.direction[None], self.irradiance[None]
+
+    def spread(self, positions: Tensor | None, normals: Tensor) -> tuple[Tensor, Tensor]:  # noqa: ARG002
+        return self.direction[None, None], self.irradiance[None, None]
 
     def distance(self, positions: Tensor) -> Tensor:
         return positions.new_full((1,), math.inf)
@@ -99,7 +120,7 @@ class DirectionalLight:
 
 @dataclass(frozen=True)
 class PointLight:
-    """A near light that radiates evenly, or as a power of the cosine to its axis (an LED).
+    """A near light that radiates evenly, or as a power of the cosine to its axis (an LED, a panel).
 
     Args:
         position: in world units, [3].
@@ -107,6 +128,7 @@ class PointLight:
         solid_angle: of the source in sr as seen from the target, if known.
         axis: unit vector along which it radiates most, [3]; nothing is lit behind it. None: evenly.
         anisotropy: exponent m of the cosine to the axis: 1 of a Lambertian source, greater of a narrower beam.
+        source: its shape across the axis, every part of which radiates alike; None: a point.
     """
 
     position: Tensor
@@ -114,6 +136,7 @@ class PointLight:
     solid_angle: float | None = None
     axis: Tensor | None = None
     anisotropy: float = 1.0
+    source: Source | None = None
 
     @property
     def near(self) -> bool:
@@ -123,18 +146,31 @@ class PointLight:
     def power(self) -> Tensor:
         return self.intensity
 
+    @property
+    def nodes(self) -> int:
+        return 1 if self.source is None else self.source.nodes
+
     def at(self, positions: Tensor | None) -> tuple[Tensor, Tensor]:
-        if positions is None:
-            raise InputError(
-                "a point light needs the surface's positions: give a mesh, or positions beside the normal map."
-            )
-        offset = self.position - positions
+        return self._from(self.position, _needed(positions))
+
+    def spread(self, positions: Tensor | None, normals: Tensor) -> tuple[Tensor, Tensor]:
+        positions = _needed(positions)
+        if self.source is None:
+            toward, power = self._from(self.position, positions)
+            return toward[:, None], power[:, None]
+        places, shares = self.source.spread(self.position, positions, normals)
+        toward, power = self._from(places, positions[:, None])
+        return toward, power * shares[..., None]
+
+    def _from(self, places: Tensor, positions: Tensor) -> tuple[Tensor, Tensor]:
+        """Unit vectors [..., 3] to places and irradiance [..., C] if all of it is there."""
+        offset = places - positions
         squared = (offset * offset).sum(-1, keepdim=True)
         toward = offset / squared.sqrt()
         return toward, self.intensity * self.beam(toward) / squared
 
     def beam(self, toward: Tensor) -> Tensor:
-        """Share of its intensity that it sends where it is seen along unit vectors `toward` [N, 3], [1 or N, 1]."""
+        """Share of its intensity that it sends where it is seen along unit vectors [..., 3], [..., 1]."""
         if self.axis is None:
             return toward.new_ones(1, 1)
         cosine = -(toward @ self.axis)[..., None]
@@ -148,7 +184,8 @@ class PointLight:
     @property
     def key(self) -> Hashable:
         lobe = () if self.axis is None else (*self.axis.tolist(), self.anisotropy)
-        return "near", *self.position.tolist(), *self.intensity.tolist(), self.solid_angle, *lobe
+        shape = () if self.source is None else self.source.key
+        return "near", *self.position.tolist(), *self.intensity.tolist(), self.solid_angle, *lobe, *shape
 
     def channel(self, index: int) -> PointLight:
         return replace(self, intensity=self.intensity[index, None])
@@ -156,7 +193,16 @@ class PointLight:
     def to(self, dtype: torch.dtype, device: torch.device | str) -> PointLight:
         axis = None if self.axis is None else self.axis.to(device, dtype)
         position, intensity = self.position.to(device, dtype), self.intensity.to(device, dtype)
-        return replace(self, position=position, intensity=intensity, axis=axis)
+        source = None if self.source is None else self.source.to(dtype, device)
+        return replace(self, position=position, intensity=intensity, axis=axis, source=source)
+
+
+def _needed(positions: Tensor | None) -> Tensor:
+    if positions is None:
+        raise InputError(
+            "a point light needs the surface's positions: give a mesh, or positions beside the normal map."
+        )
+    return positions
 
 
 def sky_at(ambient: Tensor | None, index: slice | Tensor) -> Tensor | None:

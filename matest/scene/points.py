@@ -17,7 +17,7 @@ class Points:
     """Geometry and light of a batch of surface points, in their local frames. Sizes of 1 broadcast.
 
     Attributes:
-        wi: unit vectors to each of L lights [..., L, 3].
+        wi: unit vectors to each of L lights, or to the points that stand for large ones [..., L, 3].
         wo: unit vectors to the viewer [..., 3].
         irradiance: of a surface facing each light, 0 where the light is blocked [..., L, C].
         ambient: ambient radiance times the unoccluded fraction of the sky [..., C]; None where there is none.
@@ -56,27 +56,34 @@ def illuminate(
         lights: L distant or near lights.
         positions: in world units [N, 3]; near lights need them.
         ambient: radiance of an even sky times the unoccluded fraction of it [N or 1, C].
-        blocked: True where a light does not reach a point [L, N].
+        blocked: True where a light does not reach a point [L, N], a row for each of its nodes.
 
     Raises:
         InputError: a near light and no positions.
     """
-    lit = [light.at(positions) for light in lights]
+    lit = [light.spread(positions, normals) for light in lights]
     if blocked is not None:
-        lit = [(toward, power * ~dark[:, None]) for (toward, power), dark in zip(lit, blocked, strict=True)]
+        rows = blocked.split([light.nodes for light in lights])
+        lit = [(toward, power * ~dark.T[..., None]) for (toward, power), dark in zip(lit, rows, strict=True)]
     if not lit:
         channels = sky_channels(ambient)
         return Points(
             normals.new_zeros(1, 0, 3), to_local(normals, view)[0], normals.new_zeros(1, 0, channels), ambient
         )
-    toward = torch.stack(torch.broadcast_tensors(*(direction for direction, _ in lit)), dim=-2)
+    toward = _side_by_side([direction for direction, _ in lit])
     wi, wo = to_local(normals[:, None], toward, view[:, None])
     return Points(
         wi=wi,
         wo=wo[:, 0],
-        irradiance=torch.stack(torch.broadcast_tensors(*(power for _, power in lit)), dim=-2),
+        irradiance=_side_by_side([power for _, power in lit]),
         ambient=ambient,
     )
+
+
+def _side_by_side(parts: Sequence[Tensor]) -> Tensor:
+    """Values [1 or N, n, C] of several lights as one tensor [1 or N, L, C]."""
+    count, channels = max(len(part) for part in parts), max(part.shape[2] for part in parts)
+    return torch.cat([part.expand(count, -1, channels) for part in parts], dim=1)
 
 
 def join_points(parts: Sequence[Points], counts: Sequence[int]) -> Points:

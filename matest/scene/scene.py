@@ -27,8 +27,8 @@ class Scene:
         surface: the object's pixels.
         lights: the lights of each image.
         ambient: ambient radiance of each image, [K, C].
-        shadows: per image and light, the pixels where the light is blocked; None where nothing can block it.
-        shadow_edge: per image, pixels on the edge of a cast shadow; None likewise.
+        shadows: per image and node of a light, the pixels where it is blocked; None where nothing can block it.
+        shadow_edge: per image, pixels on the edge of a cast shadow or in a penumbra; None likewise.
         unoccluded: share of an even sky that each pixel sees, [N]; None where it is 1, or there is no ambient light.
         wavelength: of each channel in µm, [C], if known.
     """
@@ -73,11 +73,15 @@ class Scene:
         def trace(lights: tuple[Light, ...]) -> tuple[tuple[Bits, ...] | None, Bits | None]:
             shadows, edges = [], np.zeros(len(self.surface), dtype=bool)
             for light in lights:
-                shadow = cast_shadows(self.surface, light, grid)
-                if shadow is None:
+                of_light = [cast_shadows(self.surface, light, grid, node) for node in range(light.nodes)]
+                traced = [shadow for shadow in of_light if shadow is not None]
+                if not traced:
                     return None, None
-                edges |= shadow_edges(self.surface, shadow)
-                shadows.append(Bits.of(shadow))
+                for shadow in traced:
+                    edges |= shadow_edges(self.surface, shadow)
+                    shadows.append(Bits.of(shadow))
+                # Some points that stand for a light are hidden and others are not: how many is known to a step.
+                edges |= np.any(traced, axis=0) & ~np.all(traced, axis=0)
             return (tuple(shadows), Bits.of(edges)) if shadows else (None, None)
 
         shadows, edges = zip(*in_threads(trace, self.lights), strict=True)

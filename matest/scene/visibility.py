@@ -25,7 +25,7 @@ _AT_ONCE = 1 << 15
 _RAY_OFFSET = 1e-4
 
 
-def cast_shadows(surface: Surface, light: Light, grid: Grid | None = None) -> np.ndarray | None:
+def cast_shadows(surface: Surface, light: Light, grid: Grid | None = None, node: int = 0) -> np.ndarray | None:
     """True where another part of the mesh stands between the pixel and the light [N]; None where nothing can.
 
     Nothing can on a convex body or a surface without a mesh. Where the facet faces away from the light although the
@@ -39,15 +39,16 @@ def cast_shadows(surface: Surface, light: Light, grid: Grid | None = None) -> np
         surface: that may shadow itself.
         light: that it is lit by.
         grid: over the surface, which serves all lights; None: made if needed.
+        node: which of the points that stand for the light.
     """
     if not _may_shadow_itself(surface):
         return None
-    facing = _facing(surface, light)
+    facing = _facing(surface, light, node)
     if np.count_nonzero(facing) > _ALL_TRACED:
-        return (grid or Grid.over(surface)).shadow(facing, lambda index: _blocked(surface, light, index))
+        return (grid or Grid.over(surface)).shadow(facing, lambda index: _blocked(surface, light, node, index))
     shadow = np.zeros(len(surface), dtype=bool)
     index = np.flatnonzero(facing)
-    shadow[index] = _blocked(surface, light, index)
+    shadow[index] = _blocked(surface, light, node, index)
     return shadow
 
 
@@ -60,7 +61,7 @@ def _may_shadow_itself(surface: Surface) -> bool:
     return surface.mesh is not None and surface.faces is not None and not surface.mesh.convex
 
 
-def _facing(surface: Surface, light: Light) -> np.ndarray:
+def _facing(surface: Surface, light: Light, node: int) -> np.ndarray:
     """True where the surface faces a light [N]; elsewhere a pixel is dark anyway, and needs no ray."""
     positions = surface.positions
     assert positions is not None
@@ -69,12 +70,13 @@ def _facing(surface: Surface, light: Light) -> np.ndarray:
         return (surface.normals.detach() @ toward[0].detach().to(surface.normals.dtype) > 0).numpy()
     facing = np.empty(len(surface), dtype=bool)
     for part in torch.arange(len(surface)).split(_AT_ONCE):
-        toward, _ = light.at(positions[part])
-        facing[part.numpy()] = ((surface.normals[part] * toward).sum(-1) > 0).detach().numpy()
+        normals = surface.normals[part].double()
+        toward, _ = light.spread(positions[part].double(), normals)
+        facing[part.numpy()] = ((normals * toward[:, node]).sum(-1) > 0).detach().numpy()
     return facing
 
 
-def _blocked(surface: Surface, light: Light, index: np.ndarray) -> np.ndarray:
+def _blocked(surface: Surface, light: Light, node: int, index: np.ndarray) -> np.ndarray:
     """Whether the mesh stands between some pixels and a light [n]."""
     mesh, positions, faces = surface.mesh, surface.positions, surface.faces
     assert mesh is not None
@@ -83,7 +85,7 @@ def _blocked(surface: Surface, light: Light, index: np.ndarray) -> np.ndarray:
     blocked = np.empty(len(index), dtype=bool)
     for first in range(0, len(index), _AT_ONCE):
         part = index[first : first + _AT_ONCE]
-        toward, _ = light.at(positions[part])
+        toward = light.spread(positions[part].double(), surface.normals[part].double())[0][:, node]
         origins = positions[part].detach().numpy() + _RAY_OFFSET * mesh.extent * mesh.face_normals(faces[part])
         directions = np.broadcast_to(toward.detach().numpy(), origins.shape)
         reach = light.distance(torch.from_numpy(origins)).detach().numpy() if light.near else None

@@ -55,6 +55,40 @@ def test_circles_of_psbox_count_from_the_lower_edge_and_their_reference_is_no_ph
     assert mirror.spheres[0].circle == (45.5, 50.0, 25.0)
 
 
+def test_a_mask_with_two_discs_shows_two_spheres_from_left_to_right(folder: Path) -> None:
+    discs = [disc((80, 160), centre, radius, 8) for centre, radius in (((115.0, 40.0), 32.0), ((40.0, 45.0), 25.0))]
+    for name in ("b.png", "a.png"):
+        put_image(folder / name, np.zeros((80, 160), np.uint8))
+    mask = np.round(255 * np.maximum(*discs)).astype(np.uint8)
+    mask[2:4, 2:4] = 255
+    put_image(folder / "mask.png", mask)
+    left, right = load_mirror(folder).spheres
+    np.testing.assert_allclose(left.circle, (40.0, 45.0, 25.0), atol=0.05)
+    np.testing.assert_allclose(right.circle, (115.0, 40.0, 32.0), atol=0.05)
+
+
+def test_without_a_mask_the_circle_is_the_edge_in_the_photographs(folder: Path) -> None:
+    (folder / "mask.png").unlink()
+    ball = np.round(200 * disc(SHAPE, CENTRE, RADIUS, 8)).astype(np.uint8)
+    for name in ("b.png", "a.png"):
+        put_image(folder / name, ball)
+    mirror = load_mirror(folder)
+    assert mirror.outline_seen
+    np.testing.assert_allclose(mirror.spheres[0].circle, (*CENTRE, RADIUS), atol=0.3)
+    # No better than a circle that is read off.
+    assert (np.diag(mirror.spheres[0].covariance) >= 0.25).all()
+
+
+def test_black_and_flat_frames_of_a_matte_sphere_are_taken_off_and_divided_out(folder: Path) -> None:
+    flat = np.linspace(0.5, 1, SHAPE[1])[None].repeat(SHAPE[0], 0)
+    put_image(folder / "a.png", np.round(255 * (0.1 + 0.4 * flat)).astype(np.uint8))
+    np.save(folder / "flat.npy", flat.astype(np.float32))
+    text = 'mask = "mask.png"\n[geometry]\nshape = "sphere"\n[encoding]\nblack = 0.1\nflat = "flat.npy"\n'
+    (folder / "capture.toml").write_text(text + '[[image]]\nfile = "a.png"\nexposure = 2.0\n')
+    pixels = np.array([0, 50, 4000])
+    np.testing.assert_allclose(load_mirror(folder).radiance(0, pixels), 0.2, atol=0.005)
+
+
 def test_folders_that_cannot_be_used_are_refused(folder: Path, tmp_path: Path) -> None:
     empty = tmp_path / "empty"
     empty.mkdir()

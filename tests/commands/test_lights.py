@@ -16,6 +16,7 @@ import pytest
 
 from tests.captures import put_image
 from tests.commands.conftest import Run
+from tests.lights import matte_ball
 from tests.lights.mirror_ball import Ball, Lamp, degrees_between, unit
 from tests.shared_data import measurement
 
@@ -83,11 +84,57 @@ def test_two_spheres_give_positions(run: Run, tmp_path: Path) -> None:
     assert "position" in run(*arguments)[1]
 
 
+@pytest.fixture
+def grey(tmp_path: Path) -> Path:
+    """Photographs of a matte ball under the lights of `LIGHTS`, whose strengths are 1, 2 and 3."""
+    folder = tmp_path / "grey"
+    folder.mkdir()
+    for number, light in enumerate(LIGHTS):
+        image = matte_ball.photograph(np.array(light), np.array([1.0, 1.1, 0.9]) * (number + 1), noise=0.002)
+        put_image(folder / f"{number:02d}.png", image)
+    return folder
+
+
+def test_a_matte_sphere_tells_how_strong_the_lights_are(run: Run, chrome: Path, grey: Path, tmp_path: Path) -> None:
+    circle = ",".join(map(str, matte_ball.CIRCLE))
+    arguments = ("lights", chrome, "--diffuse", grey, "--diffuse-circle", circle, "-o", tmp_path / "out.lp")
+    code, out, _ = run(*arguments, "--json")
+    assert code == 0
+    record = json.loads(out)
+    power = np.array([light["power"] for light in record["lights"]])
+    np.testing.assert_allclose(power / power[0], [[1.0] * 3, [2.0] * 3, [3.0] * 3], rtol=0.02)
+    np.testing.assert_allclose(power[0] / power[0, 0], [1.0, 1.1, 0.9], rtol=0.01)
+    assert 0 < record["uncertainty"]["intensity"] < 0.04
+    tables = tomllib.loads((tmp_path / "out.toml").read_text("utf-8"))
+    assert len(tables["image"][0]["lights"][0]["irradiance"]) == 3
+    assert tables["encoding"]["radiometry"] == "relative"
+    # The circle is seen without being stated.
+    assert run("lights", chrome, "--diffuse", grey, "-o", tmp_path / "out.lp")[0] == 0
+
+
+def test_a_light_that_is_not_clipped_has_a_solid_angle(run: Run, tmp_path: Path) -> None:
+    folder = tmp_path / "dark"
+    folder.mkdir()
+    for number, light in enumerate(LIGHTS):
+        image = BALL.photograph([Lamp(light, math.radians(6), 0.8)], noise=0.002, seed=number)
+        put_image(folder / f"{number:02d}.png", np.round(255 * image).astype(np.uint8))
+    code, out, _ = run("lights", folder, "--circle", "81,79,70", "-o", tmp_path / "out.lp", "--json")
+    assert code == 0
+    true = 2 * math.pi * (1 - math.cos(math.radians(6)))
+    for light in json.loads(out)["lights"]:
+        assert light["extent"]["solid_angle"] == pytest.approx(true, abs=3 * light["extent"]["std"])
+    tables = tomllib.loads((tmp_path / "out.toml").read_text("utf-8"))
+    stated = {image["lights"][0]["solid_angle"] for image in tables["image"]}
+    # Lights that are alike have one in common, as mirror-like models need it.
+    assert len(stated) == 1
+    assert stated.pop() == pytest.approx(true, rel=0.03)
+
+
 def test_tables_of_lights_fit_an_eighty_column_terminal(
-    run: Run, chrome: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    run: Run, chrome: Path, grey: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    for captures in ([chrome], [chrome, chrome]):
+    for captures in ([chrome], [chrome, chrome], [chrome, "--diffuse", grey]):
         _, out, _ = run("lights", *captures, "-o", tmp_path / "out.lp")
         assert max(len(line.rstrip()) for line in out.splitlines() if str(tmp_path) not in line) <= 80
 
@@ -97,6 +144,7 @@ def test_tables_of_lights_fit_an_eighty_column_terminal(
     [
         (("--circle", "1,2"), "--circle takes X,Y,R in pixels"),
         (("--centre", "1,2,3"), "--centre needs --radius"),
+        (("--diffuse-circle", "1,2,3"), "--diffuse-circle is that of --diffuse FOLDER"),
         (("--radius", "1"), "from two spheres or more"),
         (("-o", "missing/lights.lp"), "missing/lights.lp: expected the name of a light list"),
         (("-o", "lights.toml"), "lights.toml: expected the name of a light list"),

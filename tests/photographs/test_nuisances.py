@@ -21,9 +21,11 @@ from matest.photographs.samples import PhotographSamples
 from matest.photographs.world import TERMS, Grid
 from matest.samples import Batch
 from matest.samples.batch import join
-from matest.scene import DirectionalLight, Scene
+from matest.scene import DirectionalLight, PointLight, Scene
+from matest.scene.source import Source
 from matest.scene.surface import from_sphere
 from matest.shading import render
+from tests.captures import point
 from tests.problems import problem
 from tests.simulated import Studio, coloured
 
@@ -91,6 +93,38 @@ def test_light_that_is_brighter_and_an_image_that_is_longer_exposed_scale_its_ra
         factor = torch.tensor([1.1, 1, 1, 1, 1, 0.95], dtype=torch.float64)[samples.groups.image_of(batch)]
         exact = rendered(samples.photographs.scene, samples, batch) * factor[:, None]
         assert relative_error(model, exact) < 1e-12, name
+
+
+def panel(position: tuple[float, float, float], order: int) -> PointLight:
+    """A square of light that faces the sphere."""
+    light = point(position, 30.0, 28.0, 25.0)
+    axis = -light.position / light.position.norm()
+    across = torch.linalg.cross(axis, torch.tensor([0.0, 1.0, 0.0]).double())
+    sides = 0.4 * torch.stack([across / across.norm(), torch.linalg.cross(axis, across / across.norm())])
+    return replace(light, axis=axis, source=Source(sides, order=order))
+
+
+def test_lights_with_a_size_have_one_strength_for_all_points_that_stand_for_them() -> None:
+    """Images with different numbers of lights and points, together and each by itself."""
+    lights = ((panel((2.0, 0.5, 3.0), 3),), (panel((-2.0, 0.5, 3.0), 2), coloured()[0][0]), coloured()[1])
+    samples = samples_of(Studio(size=64, lights=lights))
+    chosen = calibrated(samples, "intensity", "direction")
+    values = [0.1, -0.05, 0.2, 0.02]
+    model = CalibratedModel(chosen, unknowns_with(chosen, intensity=values))
+    strengths = iter([1 + value for value in values])
+    changed = tuple(
+        tuple(
+            replace(light, intensity=light.intensity * next(strengths))
+            if isinstance(light, PointLight)
+            else replace(light, irradiance=light.irradiance * next(strengths))
+            for light in some
+        )
+        for some in lights
+    )
+    scene = replace(samples.photographs.scene, lights=changed)
+    alone = [samples.at(position, samples.indices(position)) for position in range(len(samples.images))]
+    for batch in (*alone, join(alone)):
+        assert relative_error(model.radiance(batch), rendered(scene, samples, batch)) < 1e-12
 
 
 def test_all_lights_turned_together_are_a_scene_of_turned_lights() -> None:

@@ -6,7 +6,8 @@ import torch
 import trimesh
 from scipy.ndimage import binary_dilation, binary_erosion
 
-from matest.scene import Camera, Mesh, Scene, Surface, visibility
+from matest.scene import Camera, Mesh, PointLight, Scene, Surface, visibility
+from matest.scene.source import Source
 from matest.scene.surface import from_mesh, from_sphere
 from matest.scene.visibility import cast_shadows, shadow_edges, unoccluded_fraction
 from tests.captures import directional, point, scene_of
@@ -180,3 +181,24 @@ def test_large_images_have_the_shadows_that_every_ray_gives(monkeypatch, occlude
     monkeypatch.setattr(Mesh, "blocked", lambda self, o, *rest: rays.append(len(o)) or blocked(self, o, *rest))
     np.testing.assert_array_equal(cast_shadows(surface, light), expected)
     assert sum(rays) < 0.5 * len(surface)
+
+
+def test_a_light_with_a_size_casts_a_penumbra(plate_above_plane):
+    """The share that is hidden of a panel overhead falls linearly over the penumbra of a straight edge."""
+    sides = torch.tensor([[0.5, 0.0, 0.0], [0.0, 0.5, 0.0]], dtype=torch.float64)
+    above = torch.tensor([0.0, 0.0, 4.0], dtype=torch.float64)
+    lamp = PointLight(above, torch.ones(1, dtype=torch.float64), axis=-above / 4, source=Source(sides, order=8))
+    traced = scene_of(plate_above_plane, lamp).with_shadows()
+    (shadows,), (edge,) = traced.shadows, traced.shadow_edge
+    assert len(shadows) == 64
+    x, y, z = plate_above_plane.positions.numpy().T
+    hidden = np.mean([np.asarray(shadow[slice(None)]) for shadow in shadows], axis=0)
+    # The edge of the plate at x = HALF, seen through it from the plane, meets the panel at this place.
+    meets = (HALF - x * (1 - HEIGHT / 4)) / (HEIGHT / 4)
+    expected = np.clip((0.5 - meets) / 1.0, 0, 1)
+    row = (z == 0) & (np.abs(y) < 0.1) & (x > 0)
+    # Gaussian nodes are at most a quarter of the panel's half width apart.
+    assert np.abs(1 - hidden - expected)[row].max() < 0.15
+    partial = row & (hidden > 0) & (hidden < 1)
+    assert partial.sum() > 5
+    assert np.asarray(edge[slice(None)])[partial].all()
