@@ -36,8 +36,6 @@ from matest.workers import one_behind
 _PEAK_LEVEL = 0.9
 # Share of a code by which the radiance of a pixel may be wrong before it becomes an integer: few codes round otherwise.
 _CODE_SHARE = 0.2
-# Most rays per pixel and axis: 256 rays resolve the coverage of a pixel to one step of 8 bits.
-_MAX_SUPERSAMPLING = 16
 # Type of pixels by their bits, the better ones first; None: floats.
 _DTYPES = {16: np.uint16, 8: np.uint8, None: np.float32}
 # Bits that each format of images can hold.
@@ -104,8 +102,8 @@ def load_scene(path: str | Path) -> SimulatedScene:
     material = material_of(tables.material, str(file))
     images = scene_format(description, material)
     supersampling = tables.camera.supersampling if tables.camera else 1
-    if not 1 <= supersampling <= _MAX_SUPERSAMPLING or (supersampling > 1 and tables.geometry.normals):
-        raise InputError(f"{file}: camera.supersampling must be 1 to 16, and 1 with a normal map; got {supersampling}.")
+    if supersampling > 1 and tables.geometry.normals:
+        raise InputError(f"{file}: camera.supersampling must be 1 with a normal map; got {supersampling}.")
     if tables.encoding.flat is not None or isinstance(tables.encoding.black, str):
         raise InputError(f"{file}: a simulated camera has no flat field or dark frame; use a number for black.")
     black = tables.encoding.black

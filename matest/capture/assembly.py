@@ -11,12 +11,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from matest.capture import ranges
 from matest.capture.camera_file import with_camera
 from matest.capture.description import Description
 from matest.capture.geometry import check_size, visible_surface
 from matest.capture.schema import ImageTable, LightTable
 from matest.errors import Fault, InputError, refuse
-from matest.photographs.images import LARGEST, full_scale, read_image
+from matest.photographs.images import full_scale, read_image
 from matest.photographs.noise import Noise
 from matest.photographs.photographs import Photographs
 from matest.photographs.photometry import Encoding
@@ -30,10 +31,10 @@ from matest.scene.surface import Surface
 SATURATION = 0.98
 # Smallest saturation that is suggested, fraction of full scale: cameras that fill their codes clip above it.
 _LOWEST_SATURATION = 0.5
-# Largest exponent of the beam of a light: its half width at half maximum is 2°.
-_LARGEST_EXPONENT = 1000.0
-# Wavelengths of light that a camera may have, µm: values in nm lie far above them.
-_WAVELENGTHS = (0.1, 20.0)
+
+
+# Largest noise and black level of integer images, fractions of full scale: codes lie above.
+_MOST_NOISE, _MOST_BLACK = 0.1, 0.5
 
 
 @dataclass(frozen=True)
@@ -147,7 +148,7 @@ def realise(
         encoding=encoding,
         exposures=tuple(1.0 if table.exposure is None else table.exposure for table in tables.image),
         exposures_stated=any(table.exposure is not None for table in tables.image),
-        noise=None if tables.noise is None else Noise(tables.noise.read, tables.noise.gain),
+        noise=_noise(description, images),
         saturation_stated=tables.encoding.saturation is not None,
         relative=tables.encoding.radiometry == "relative" or not powers_stated,
         names=description.names,
@@ -186,6 +187,28 @@ def _meant(saturation: float, top: float) -> str:
     return "give at most 1."
 
 
+def _noise(description: Description, images: ImageFormat) -> Noise | None:
+    """The noise that a file states; None where it states none.
+
+    Raises:
+        InputError: in codes, not in fractions of full scale, or so much that integers hold nothing else.
+    """
+    table = description.tables.noise
+    if table is None:
+        return None
+    if images.dtype.kind == "u":
+        top = full_scale(images.dtype)
+        stated = (("noise.read", table.read), ("noise.gain", table.gain))
+        refuse(description.file, (_too_much(key, value, _MOST_NOISE, top) for key, value in stated))
+    return Noise(table.read, table.gain)
+
+
+def _too_much(key: str, value: float, most: float, top: float) -> Fault:
+    """Whether a fraction of full scale of integers is beyond what sensors have, and the sentence that says so."""
+    codes = f" If that is a code of {top:.0f}, give {value / top:.3g}." if abs(value) >= 1 else ""
+    return abs(value) > most, f"{key} is a fraction of full scale, at most {most:g}; got {value:g}.{codes}"
+
+
 def _encoding(
     description: Description, images: ImageFormat, surface: Surface, transfer: str | float | None
 ) -> Encoding:
@@ -206,10 +229,8 @@ def _encoding(
         raise InputError(
             f"{description.file}: integer images need to say how pixels encode light, and nothing says it; {mend}"
         )
-    if isinstance(transfer, int | float) and not transfer > 0:
-        raise InputError(
-            f"{description.file}: encoding.transfer as a number is a gamma and must be positive; got {transfer}."
-        )
+    if isinstance(transfer, int | float) and transfer not in ranges.GAMMA:
+        raise InputError(f"{description.file}: encoding.transfer {ranges.GAMMA.rule}; got {transfer}.")
     encoding = Encoding(
         transfer="linear" if transfer is None else transfer,
         scale=1.0 if table.scale is None else table.scale,
@@ -222,6 +243,8 @@ def _encoding(
     if isinstance(table.black, str):
         black: float | np.ndarray = frame(table.black, "encoding.black")
     else:
+        if integer:
+            refuse(description.file, [_too_much("encoding.black", table.black, _MOST_BLACK, full_scale(images.dtype))])
         black = float(encoding.linear(np.array(table.black)))
     flat = None if table.flat is None else frame(table.flat, "encoding.flat")
     if table.flat is not None and flat is not None and not (flat > 0).all():
@@ -258,9 +281,6 @@ def _scene(description: Description, surface: Surface, channels: int) -> Scene:
     wavelength = None
     if camera is not None and camera.wavelength is not None:
         wavelength = _colour(camera.wavelength, channels, f"{file}: camera.wavelength")
-        shortest, longest = _WAVELENGTHS
-        if not bool(((wavelength > shortest) & (wavelength < longest)).all()):
-            raise InputError(f"{file}: camera.wavelength is in µm (green is 0.55); got {camera.wavelength}.")
     return Scene(surface, tuple(lights), torch.stack(ambient), wavelength=wavelength).with_shadows()
 
 
@@ -284,10 +304,7 @@ def _light(table: LightTable, channels: int, label: str) -> Light:
         power = _colour(math.pi if value is None else value, channels, f"{label}: {key}")
     if table.direction is not None:
         return DirectionalLight(unit_direction(list(table.direction), label), power, table.solid_angle)
-    position = torch.tensor(table.position, dtype=torch.float64)
-    if not bool(torch.isfinite(position).all()):
-        raise InputError(f"{label}: position must be finite; got {list(table.position or ())}.")
-    light = PointLight(position, power, table.solid_angle)
+    light = PointLight(torch.tensor(table.position, dtype=torch.float64), power, table.solid_angle)
     if table.axis is None:
         return light
     axis = unit_direction(list(table.axis), label, "axis must point along the beam")
@@ -300,25 +317,17 @@ def _light_faults(table: LightTable) -> Iterator[Fault]:
     yield distant == near, "needs either direction (a distant light) or position (a near one)."
     wrong_power = (table.intensity if distant else table.irradiance) is not None
     yield wrong_power, "a light with direction has irradiance, one with position has intensity."
-    possible = angle is None or 0 < angle <= 4 * math.pi
-    yield not possible, f"solid_angle must lie between 0 and 4π sr; got {angle}."
     useless = table.radiance is not None and (near or angle is None or table.irradiance is not None)
     yield useless, "radiance goes with direction and solid_angle, and without irradiance."
-    exponent = table.anisotropy
     yield distant and table.axis is not None, "axis is that of a light with position, not with direction."
-    yield exponent is not None and table.axis is None, "anisotropy goes with axis."
-    possible = exponent is None or 0 <= exponent <= _LARGEST_EXPONENT
-    yield not possible, f"anisotropy must lie between 0 and {_LARGEST_EXPONENT:g} (1: Lambertian); got {exponent}."
+    yield table.anisotropy is not None and table.axis is None, "anisotropy goes with axis."
 
 
 def _colour(value: float | list[float], channels: int, label: str) -> Tensor:
-    """A number or one number per channel as [C], not negative and below `LARGEST`; equal ones serve any C."""
+    """A number or one number per channel as [C]; equal ones serve any C."""
     values = torch.atleast_1d(torch.as_tensor(value, dtype=torch.float64))
     if len(values.unique()) == 1:
         values = values[:1]
-    if len(values) not in (1, channels) or not bool(((values >= 0) & (values < LARGEST)).all()):
-        raise InputError(
-            f"{label} must be one number or {channels} (one per channel of the images), not negative and below "
-            f"{LARGEST:g}; got {value}."
-        )
+    if len(values) not in (1, channels):
+        raise InputError(f"{label} must be one number or {channels} (one per channel of the images); got {value}.")
     return values.expand(channels).clone()
