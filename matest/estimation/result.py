@@ -218,6 +218,8 @@ def load_material(path: str | Path) -> Brdf:
         brdf, _ = model(content["model"])
         # Under relative radiometry an albedo may exceed 1: `replace` does not check tensors.
         values = {key: torch.as_tensor(value, dtype=torch.float64) for key, value in content["parameters"].items()}
+        if nested := [key for key, value in values.items() if value.ndim > 1 or not value.numel()]:
+            raise InputError(f"{nested[0]} must be a number or a list of one number per channel; estimate it again.")
         # Squares of what is shaded with it must stay within single precision.
         if beyond := [key for key, value in values.items() if not bool(value.float().square().isfinite().all())]:
             raise InputError(f"{beyond[0]} is {content['parameters'][beyond[0]]}; estimate it again.")
@@ -243,6 +245,6 @@ def _read_material(path: str | Path) -> dict[str, Any]:
     try:
         content = json.loads(file.read_text("utf-8"))
         _ = content["model"], content["parameters"].items()
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise InputError(f"{file}: expected a material of 'matest estimate'; cannot read it ({error}).") from None
     return content
