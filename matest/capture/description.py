@@ -87,17 +87,32 @@ class Description(Generic[File]):
         """The file that a key of the tables refers to.
 
         Raises:
-            InputError: it lies outside the common folder of the captures, or does not exist.
+            InputError: it lies outside the common folder of the captures, be it by a link, is no regular file, or does
+                not exist.
         """
+        if not reference.isprintable():
+            raise InputError(f"{self.file}: {key} = {reference!r} has characters that no name should have; rename it.")
         target = Path(os.path.normpath(self.folder / reference))
-        if not Path(os.path.abspath(target)).is_relative_to(os.path.abspath(self.root)):
+        # What is rendered takes files along, which have to lie in its folder.
+        scene = isinstance(self.tables, schema.SceneFile)
+        outside = not Path(os.path.abspath(target)).is_relative_to(os.path.abspath(self.root))
+        if outside or not Path(os.path.realpath(target)).is_relative_to(os.path.realpath(self.root)):
+            how = "" if outside else " by a link"
             raise InputError(
-                f"{self.file}: {key} = '{reference}' leads outside {self.root}, the captures' common folder; "
-                "copy the file into it and refer to it there."
+                f"{self.file}: {key} = '{reference}' leads outside {self.root}, the captures' common folder{how}; "
+                f"copy the file into it and refer to it there{'' if scene else ', or allow it with --allow-outside'}."
             )
-        if not target.is_file():
+        if not _is_file(target):
             raise InputError(f"{target}: no such file; {key} refers to it. Put it there or correct the name.")
         return target
+
+
+def _is_file(path: Path) -> bool:
+    """Whether a path leads to a regular file; none that is too long does."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
 
 
 def describe(path: str | Path, kind: type[File], *, root: Path | None = None) -> Description[File]:

@@ -109,6 +109,8 @@ class SceneFile(CaptureFile, kw_only=True):
 
 
 File = TypeVar("File", bound=CaptureFile)
+# A key of more tables than any file has: Python needs time and memory as the square of their number.
+_DEEP_KEY = re.compile(r"""(?m)(?:^|[\[{,])[ \t]*(?:["']?[\w-]+["']?[ \t]*\.[ \t]*){9}""")
 # The key of a line with a number that is too long for Python.
 _LONG_NUMBER = re.compile(r"(?m)^\s*([\w.\"-]+)\s*=[^\n]*\d{4301}")
 
@@ -120,7 +122,10 @@ def read(path: Path, kind: type[File]) -> File:
         InputError: missing, not TOML, an unknown key (with the nearest known one), a value of the wrong type.
     """
     try:
-        text = path.read_text("utf-8")
+        # Editors of Windows begin files with a mark of their encoding.
+        text = path.read_text("utf-8-sig")
+        if _DEEP_KEY.search(text):
+            raise RecursionError
         table = tomllib.loads(text)
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; a capture is a folder with a capture.toml.") from None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -22,6 +23,8 @@ from matest.inference.quantities import ParameterEstimate, channel_names
 from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
 
 SCHEMA = "matest.estimate/1"
+# How far a stored value may be outside its domain.
+_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -223,6 +226,12 @@ def load_material(path: str | Path) -> Brdf:
         # Squares of what is shaded with it must stay within single precision.
         if beyond := [key for key, value in values.items() if not bool(value.float().square().isfinite().all())]:
             raise InputError(f"{beyond[0]} is {content['parameters'][beyond[0]]}; estimate it again.")
+        for key in values.keys() & brdf.declared.keys():
+            declared, value = brdf.declared[key], values[key]
+            # Under relative radiometry an albedo may exceed 1; rounding is no fault.
+            upper = math.inf if key in brdf.structure.amplitudes else declared.domain.upper
+            if not bool(((value >= declared.domain.lower - _ROUNDING) & (value <= upper + _ROUNDING)).all()):
+                raise InputError(f"{key} must lie in {declared.domain}; got {value.tolist()}. Estimate it again.")
         return brdf.replace(values)
     except InputError as error:
         raise InputError(f"{_material_file(path)}: expected a material of 'matest estimate'; {error}") from None

@@ -64,6 +64,8 @@ class Mesh:
             with _opened(path) as file:
                 scene = trimesh.load_scene(file, file_type=kind, resolver=resolver, process=False)
             mesh = scene.to_mesh()
+        except MemoryError:
+            raise
         except Exception as error:  # trimesh passes on whatever its many parsers raise
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
             if isinstance(error, ImportError):

@@ -29,7 +29,7 @@ def read_jpeg(path: Path) -> Raster:
         pixels = simplejpeg.decode_jpeg(data, wanted, strict=True) if wanted else None
     except InputError:
         raise
-    except (ValueError, MemoryError) as error:
+    except ValueError as error:
         raise unreadable(path, error) from None
     if pixels is None:
         raise InputError(f"{path}: expected grey or RGB; the JPEG stores {colours}. Convert it to RGB.")

@@ -56,7 +56,7 @@ def read_jpeg2000(path: Path) -> Raster:
     except InputError:
         raise
     # The decoder's own error, and places beyond the end of the file.
-    except (imagecodecs.Jpeg2kError, IndexError, ValueError, MemoryError) as error:
+    except (imagecodecs.Jpeg2kError, IndexError, ValueError) as error:
         raise unreadable(path, error) from None
     bits = set(stream.bits)
     if len(bits) > 1 or max(bits) > 16 or stream.signed or not stream.whole or len(stream.bits) > 4:

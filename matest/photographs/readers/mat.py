@@ -31,7 +31,7 @@ def read_mat(path: Path) -> Raster:
         name, shape, kind = images[0]
         check_size(path, shape, _BYTES[kind])
         return Raster(scipy.io.loadmat(path, variable_names=[name])[name])
-    except InputError:
+    except (InputError, MemoryError):
         raise
     except Exception as error:  # whatever a damaged file makes of the parser
         raise unreadable(path, f"SciPy says: {error}") from None

@@ -42,7 +42,7 @@ def read_npy(path: Path) -> Raster:
             return Raster(values.reshape(shape, order="F" if fortran else "C"))
     except InputError:
         raise
-    except (ValueError, OSError, EOFError, TokenError, MemoryError, RecursionError) as error:
+    except (ValueError, OSError, EOFError, TokenError, RecursionError) as error:
         raise unreadable(path, f"NumPy says: {error}") from None
 
 

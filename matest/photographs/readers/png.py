@@ -8,6 +8,8 @@ from matest.photographs.readers.opencv import decode
 from matest.photographs.readers.orientation import exif_orientation, upright
 from matest.photographs.readers.raster import Raster, check_size, unreadable
 
+# The first bytes of every file.
+_BEGIN = b"\x89PNG"
 # The last chunk of every complete file.
 _END = b"IEND\xaeB`\x82"
 # Places of the size in the file, four bytes each.
@@ -22,7 +24,8 @@ def read_png(path: Path) -> Raster:
     data = path.read_bytes()
     if data.rfind(_END) < 0:
         raise unreadable(path, f"the file is truncated after {len(data)} bytes, its end marker is missing")
-    check_size(path, [int.from_bytes(data[place : place + 4], "big") for place in (_HEIGHT, _WIDTH)], 2)
+    if data.startswith(_BEGIN):
+        check_size(path, [int.from_bytes(data[place : place + 4], "big") for place in (_HEIGHT, _WIDTH)], 2)
     pixels, exif = decode(path, data, "PNG")
     # OpenCV expands grey with alpha to four channels.
     if data[_COLOUR_TYPE] == _GREY_ALPHA:

@@ -47,7 +47,7 @@ def read_tiff(path: Path) -> Raster:
             pixels = page.asarray(maxworkers=1).reshape(page.shape)
             others = sum(isinstance(other, tifffile.TiffPage) and not other.is_reduced for other in file.pages[1:])
             orientation = page.tags.valueof(TAG, 1)
-    except InputError:
+    except (InputError, MemoryError):
         raise
     # Tags of a damaged file make tifffile and its decoders raise whatever they like.
     except Exception as error:
