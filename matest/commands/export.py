@@ -50,6 +50,8 @@ def export(
     material = load_material(result)
     if file.is_dir() or not file.absolute().parent.is_dir():
         raise InputError(f"{file}: expected a file name in an existing folder; give one with -o.")
+    if file.exists() and file.suffix.lower() != target.SUFFIX:
+        raise InputError(f"{file}: exists and is no {target.SUFFIX} file; give another name with -o.")
     with progress(str(result)) as say:
         say("writing")
         conversion = mitsuba.write(material, file, fitted=True) if fitted else target.write(material, file)
