@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import importlib
 import io
@@ -58,6 +59,9 @@ def main() -> None:
         code = _INTERRUPTED
     except Exception as error:
         _fail(_own_fault(error), WORK_FAILED)
+    finally:
+        # The work has ended: a signal that comes while Python takes itself apart would only print where.
+        atexit.register(_ignore_signals)
     if code == _INTERRUPTED:
         _fail("interrupted; what was not finished was not written.", WORK_FAILED)
     sys.exit(code)
@@ -78,6 +82,11 @@ def _open_streams() -> None:
         elif isinstance(stream, io.TextIOWrapper):
             # A terminal or a locale may lack ± and σ, and file names may be no text.
             stream.reconfigure(errors="replace")
+
+
+def _ignore_signals() -> None:
+    for kind in (signal.SIGINT, *_ENDS):
+        signal.signal(kind, signal.SIG_IGN)
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:

@@ -201,3 +201,11 @@ def test_control_characters_in_a_name_are_not_obeyed(run: Run) -> None:
     _, _, err = run("estimate", "\x1b[31mred")
     assert "\x1b" not in err
     assert r"\x1b[31mred" in err
+
+
+def test_a_signal_after_the_work_changes_nothing() -> None:
+    code = "import os, signal, sys, atexit; from matest import cli; sys.argv = ['matest', '--version']; "
+    code += "atexit.register(os.kill, os.getpid(), signal.SIGINT); cli.main()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("matest ")
