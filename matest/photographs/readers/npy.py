@@ -27,8 +27,12 @@ def read_npy(path: Path) -> Raster:
             if file.read(len(_ARCHIVE)) == _ARCHIVE:
                 raise unreadable(path, "it is an archive of arrays, .npz; save the image with numpy.save")
             file.seek(0)
-            with _PARSER:
-                shape, fortran, dtype = _header(file)
+            try:
+                with _PARSER:
+                    shape, fortran, dtype = _header(file)
+            except MemoryError:
+                # So Python's parser calls what is nested too deeply.
+                raise ValueError("its header is nested too deeply") from None
             if dtype.hasobject or not dtype.itemsize:
                 raise ValueError(f"its type is {dtype}, not numbers")
             if min(shape, default=0) < 0:
