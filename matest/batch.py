@@ -10,12 +10,12 @@ from typing import Literal
 
 import matest
 from matest.capture import load_capture
-from matest.errors import BAD_INPUT, InputError
+from matest.errors import BAD_INPUT, NO_MEMORY, WORK_FAILED, InputError, out_of_memory, own_fault
 from matest.estimation.estimate import estimate_with
 from matest.estimation.options import Options
 from matest.estimation.result import Estimate
 from matest.progress import Progress, silent
-from matest.report.folder import write_result
+from matest.report.folder import check_destination, write_result
 from matest.report.picture_size import PictureSize
 
 
@@ -48,20 +48,24 @@ class Outcome:
         job: that was run.
         estimate: the same as in the result folder; None where the capture cannot be used.
         error: why it cannot be used, in one sentence; empty where there is an estimate.
+        failed: whether that is no fault of the capture: its result cannot be written, or memory does not suffice.
     """
 
     job: Job
     estimate: Estimate | None = None
     error: str = ""
+    failed: bool = False
 
     @property
-    def status(self) -> Literal["estimated", "bad input"]:
-        return "bad input" if self.estimate is None else "estimated"
+    def status(self) -> Literal["estimated", "bad input", "failed"]:
+        if self.estimate is not None:
+            return "estimated"
+        return "failed" if self.failed else "bad input"
 
     @property
     def exit_code(self) -> int:
         """Exit code of a command with this outcome alone."""
-        return BAD_INPUT if self.estimate is None else 0
+        return {"estimated": 0, "failed": WORK_FAILED, "bad input": BAD_INPUT}[self.status]
 
 
 def jobs(
@@ -70,6 +74,7 @@ def jobs(
     options: Options,
     command: str = "",
     pictures: PictureSize = PictureSize.PREVIEW,
+    root: Path | None = None,
 ) -> list[Job]:
     """One job for each capture, also for one that is named twice.
 
@@ -79,6 +84,7 @@ def jobs(
             the folder of each capture.
         options: of every estimate.
         command, pictures: see `Job`.
+        root: folder that files of the captures may not leave; None: their common one.
 
     Raises:
         InputError: two results would go to one folder.
@@ -87,8 +93,9 @@ def jobs(
     if out is not None and len({*names}) < len(names):
         raise InputError(f"two captures have the same name ({', '.join(sorted(names))}); estimate them one by one.")
     # Captures of one command may share files in their common parent folder.
-    root = Path(os.path.commonpath([capture.absolute() for capture in captures]))
-    root = root if root.is_dir() else root.parent
+    if root is None:
+        root = Path(os.path.commonpath([capture.absolute() for capture in captures]))
+        root = root if root.is_dir() else root.parent
     places = {
         capture: _folder(capture) / "matest" if out is None else out / name if len(captures) > 1 else out
         for capture, name in zip(captures, names, strict=True)
@@ -97,12 +104,12 @@ def jobs(
 
 
 def run(job: Job, progress: Progress = silent) -> Outcome:
-    """Estimate the capture of a job and write the result folder; bad input is an outcome, not an exception.
+    """Estimate the capture of a job and write the result folder.
 
-    Raises:
-        OSError: the result cannot be written.
+    Bad input is an outcome, not an exception, and so is a result that cannot be written: other jobs go on.
     """
     try:
+        check_destination(job.out, "result.json")
         capture = load_capture(job.capture, transfer=job.options.transfer, root=job.root, progress=progress)
         estimate = estimate_with(capture, job.options, progress)
         provenance = {
@@ -116,6 +123,12 @@ def run(job: Job, progress: Progress = silent) -> Outcome:
         return Outcome(job, write_result(estimate, capture, job.out, progress, pictures=job.pictures))
     except InputError as error:
         return Outcome(job, error=str(error))
+    except OSError as error:
+        return Outcome(job, error=f"{error.filename or job.out}: {error.strerror or error}.", failed=True)
+    except Exception as error:
+        # Whatever it is, other captures are estimated.
+        reason = NO_MEMORY if out_of_memory(error) else own_fault(error)
+        return Outcome(job, error=f"{job.capture}: {reason}", failed=True)
 
 
 def capture_name(capture: Path) -> str:

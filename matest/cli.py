@@ -2,29 +2,41 @@
 
 from __future__ import annotations
 
+import atexit
+import contextlib
 import importlib
 import io
+import os
+import signal
 import sys
+from types import FrameType
 from typing import Annotated, Any
 
 import typer
 
 import matest
 from matest import commands
-from matest.errors import BAD_INPUT, WORK_FAILED, InputError
+from matest.errors import BAD_INPUT, NO_MEMORY, WORK_FAILED, InputError, WorkError, out_of_memory, own_fault, printable
 
 # Of typer's own in some versions, of click in others.
 _UsageError: Any = typer.BadParameter.__base__
 # What typer makes of a KeyboardInterrupt.
 _INTERRUPTED = 130
+# Variable of the environment that asks for the place of faults of our own.
+_DEBUG = "MATEST_DEBUG"
+# Numbers of standard output and error.
+_OUTPUT, _ERRORS = 1, 2
+# Signals that ask to end: by a scheduler or the system, and when a terminal goes.
+_ENDS = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 
 def main() -> None:
     """Run the command: exit code 0, 1 (the work failed) or 2 (bad input)."""
-    for stream in (sys.stdout, sys.stderr):
-        # A terminal or a locale may lack ± and σ, and file names may be no text.
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")
+    _open_streams()
+    for kind in _ENDS:
+        # What is ignored, as by nohup, stays so.
+        if signal.getsignal(kind) is signal.SIG_DFL:
+            signal.signal(kind, _interrupt)
     try:
         code = application()(prog_name="matest", standalone_mode=False)
     except InputError as error:
@@ -32,13 +44,54 @@ def main() -> None:
     except _UsageError as error:
         command = error.ctx.command_path if error.ctx else "matest"
         _fail(f"{error.format_message().rstrip('.')}; see '{command} -h'.", BAD_INPUT)
+    except (BrokenPipeError, SystemExit):
+        # typer ends so where who reads the output has gone.
+        # What is still to be printed would fail again at the end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), _OUTPUT)
+        _fail("standard output was closed before everything was printed; what was to be written was.", WORK_FAILED)
     except OSError as error:
         _fail(f"{error.filename or 'file system'}: {error.strerror or error}.", WORK_FAILED)
+    except (MemoryError, RuntimeError) as error:
+        _fail(NO_MEMORY if out_of_memory(error) else _own_fault(error), WORK_FAILED)
+    except WorkError as error:
+        _fail(str(error), WORK_FAILED)
     except KeyboardInterrupt:
         code = _INTERRUPTED
+    except Exception as error:
+        _fail(_own_fault(error), WORK_FAILED)
+    finally:
+        # The work has ended: a signal that comes while Python takes itself apart would only print where.
+        atexit.register(_ignore_signals)
     if code == _INTERRUPTED:
         _fail("interrupted; what was not finished was not written.", WORK_FAILED)
     sys.exit(code)
+
+
+def _open_streams() -> None:
+    """Streams that take any text, and that are open.
+
+    Where one is closed, a file that is opened later takes its number, and gets what a library prints.
+    """
+    while (number := os.open(os.devnull, os.O_RDWR)) <= _ERRORS:
+        continue
+    os.close(number)
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+        elif isinstance(stream, io.TextIOWrapper):
+            # A terminal or a locale may lack ± and σ, and file names may be no text.
+            stream.reconfigure(errors="replace")
+
+
+def _ignore_signals() -> None:
+    for kind in (signal.SIGINT, *_ENDS):
+        signal.signal(kind, signal.SIG_IGN)
+
+
+def _interrupt(_number: int, _frame: FrameType | None) -> None:
+    """End as Ctrl-C does: what is half done is removed."""
+    raise KeyboardInterrupt
 
 
 def application() -> typer.Typer:
@@ -69,6 +122,19 @@ def _root(
         typer.echo(context.get_help())
 
 
+def _own_fault(error: Exception) -> str:
+    """What to say of an exception that nobody expected; raised instead where its place is wanted.
+
+    Raises:
+        Exception: the environment asks for it.
+    """
+    if os.environ.get(_DEBUG):
+        raise error
+    return f"{own_fault(error)} {_DEBUG}=1 in the environment shows where."
+
+
 def _fail(text: str, code: int) -> None:
-    print(f"matest: {text}", file=sys.stderr)
+    # Who closed it wants no words, but the exit code all the same.
+    with contextlib.suppress(OSError, ValueError):
+        print(f"matest: {printable(text)}", file=sys.stderr, flush=True)
     sys.exit(code)

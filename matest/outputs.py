@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import json
+import math
 import os
 import shutil
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from matest.errors import InputError
 
@@ -28,6 +31,72 @@ def keep_inputs(outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
             raise InputError(f"{output}: is read and would be overwritten; write elsewhere with -o.")
 
 
+def check_distinct(names: Sequence[str], label: object) -> None:
+    """Refuse files of one folder of which one would replace another, or lie in it as if it were a folder.
+
+    Args:
+        names: from the folder.
+        label: begins the refusal.
+
+    Raises:
+        InputError: there are such files, also on a disk that takes no notice of case.
+    """
+    places = [Path(os.path.normpath(name).lower()) for name in names]
+    for number, (name, place) in enumerate(zip(names, places, strict=True)):
+        others = places[:number] + places[number + 1 :]
+        if place in others or any(place in other.parents for other in others):
+            raise InputError(f"{label}: two files would be called '{name}'; give each a name of its own.")
+
+
+def followed(path: Path) -> Path:
+    """Where a link leads, even to nothing, so that what is written replaces no link; other paths as they are."""
+    return Path(os.path.realpath(path)) if path.is_symlink() else path
+
+
+def check_writable(folder: Path) -> None:
+    """Refuse a folder that cannot be made or written to, before there is anything to write.
+
+    Raises:
+        InputError: it, or what should be a folder above it, is a file.
+        OSError: nothing can be written there; it names `folder`.
+    """
+    place = followed(folder).absolute()
+    while not place.exists() and place != place.parent:
+        place = followed(place.parent)
+    if not place.is_dir():
+        what = "is a file" if place == followed(folder).absolute() else f"lies in {place}, which is a file"
+        raise InputError(f"{folder}: {what}; give another folder with -o.")
+    try:
+        # Rights alone do not tell: disks may be full, and folders of the system take no files.
+        os.rmdir(tempfile.mkdtemp(prefix=".part-", dir=place))
+    except OSError as error:
+        raise OSError(error.errno, f"{error.strerror or error}; nothing can be written there", str(folder)) from None
+
+
+def json_text(content: Any, **options: Any) -> str:
+    """JSON, which has no NaN and no infinity: null stands for them.
+
+    Args:
+        content: of plain types.
+        options: of `json.dumps`.
+    """
+    return json.dumps(_finite(content), allow_nan=False, **options)
+
+
+def _finite(content: Any) -> Any:
+    """The same with None for numbers that are not finite."""
+    if isinstance(content, dict):
+        return {key: _finite(value) for key, value in content.items()}
+    if isinstance(content, list | tuple):
+        return [_finite(value) for value in content]
+    return None if isinstance(content, float) and not math.isfinite(content) else content
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write UTF-8; bytes of file names that are no text are written as escapes."""
+    path.write_bytes(text.encode("utf-8", "backslashreplace"))
+
+
 @contextlib.contextmanager
 def whole_files(folder: Path, last: str) -> Iterator[Path]:
     """A temporary folder whose files move to `folder` when the block ends well, and vanish otherwise.
@@ -39,6 +108,7 @@ def whole_files(folder: Path, last: str) -> Iterator[Path]:
     Raises:
         OSError: the files cannot be written; it names `folder`.
     """
+    folder = followed(folder)
     new = not folder.exists()
     try:
         folder.mkdir(parents=True, exist_ok=True)

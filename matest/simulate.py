@@ -23,7 +23,7 @@ from matest.capture.description import Description, describe, image_channels, im
 from matest.capture.writing import as_toml, changes
 from matest.errors import Fault, InputError, errors_of, refuse
 from matest.estimation.specification import optics, resolve
-from matest.outputs import keep_inputs, whole_files
+from matest.outputs import check_distinct, check_writable, keep_inputs, whole_files
 from matest.photographs.images import full_scale, write_image
 from matest.photographs.noise import Noise, steps
 from matest.photographs.photometry import Encoding
@@ -37,8 +37,6 @@ from matest.workers import one_behind
 _PEAK_LEVEL = 0.9
 # Share of a code by which the radiance of a pixel may be wrong before it becomes an integer: few codes round otherwise.
 _CODE_SHARE = 0.2
-# Most rays per pixel and axis: 256 rays resolve the coverage of a pixel to one step of 8 bits.
-_MAX_SUPERSAMPLING = 16
 # Type of pixels by their bits, the better ones first; None: floats.
 _DTYPES = {16: np.uint16, 8: np.uint8, None: np.float32}
 # Bits that each format of images can hold.
@@ -105,8 +103,8 @@ def load_scene(path: str | Path) -> SimulatedScene:
     material = material_of(tables.material, str(file))
     images = scene_format(description, material)
     supersampling = tables.camera.supersampling if tables.camera else 1
-    if not 1 <= supersampling <= _MAX_SUPERSAMPLING or (supersampling > 1 and tables.geometry.normals):
-        raise InputError(f"{file}: camera.supersampling must be 1 to 16, and 1 with a normal map; got {supersampling}.")
+    if supersampling > 1 and tables.geometry.normals:
+        raise InputError(f"{file}: camera.supersampling must be 1 with a normal map; got {supersampling}.")
     if tables.encoding.flat is not None or isinstance(tables.encoding.black, str):
         raise InputError(f"{file}: a simulated camera has no flat field or dark frame; use a number for black.")
     black = tables.encoding.black
@@ -177,6 +175,7 @@ def simulate(path: str | Path, out: str | Path | None = None, progress: Progress
     suffix = ".png" if bits else ".exr"
     names = [table.file or f"{number:02d}{suffix}" for number, table in enumerate(tables.image)]
     _check_outputs(scene.description, folder, names)
+    check_writable(folder)
     # Kept, since the brightest of all pixels may decide how all are exposed; beyond a budget in a temporary file.
     storage, images, peak = Storage(), [], 0.0
     for number, exposure in enumerate(scene.setup.exposures):
@@ -249,11 +248,11 @@ def bits_of(tables: schema.CaptureFile, label: str) -> int | None:
 def _name_faults(files: list[str]) -> Iterator[Fault]:
     """Names that images of a capture cannot have."""
     for file in files:
-        path, count = Path(os.path.normpath(file)), files.count(file)
+        path = Path(os.path.normpath(file))
+        yield not file.isprintable(), f"file = {file!r} has characters that no name should have; rename it."
         yield path.suffix.lower() not in _BITS, f"images are written as {', '.join(_BITS)}; got '{file}'. Rename it."
         outside = path.is_absolute() or str(path).startswith("..")
         yield outside, f"file = '{file}' leads outside the capture's folder; name a file inside it."
-        yield count > 1, f"{count} images are called '{file}'; give each a name of its own."
 
 
 def _check_outputs(description: Description, folder: Path, names: list[str]) -> None:
@@ -267,12 +266,28 @@ def _check_outputs(description: Description, folder: Path, names: list[str]) -> 
     if target.exists() and not earlier:
         raise InputError(f"{target}: exists and was not written by 'matest render'; give another folder with -o.")
     copied = [] if _same(folder, description.folder) else _copied(description)
-    outputs = [folder / name for name in (*names, "mask.png", "normals.exr", *copied)]
+    written = [*names, "mask.png", "normals.exr", _CAPTURE, *copied]
+    check_distinct(written, description.file)
+    outputs = [folder / name for name in written]
     inputs = [description.file, *(description.folder / name for _, name in description.references)]
-    keep_inputs([*outputs, target], inputs)
-    for path in outputs:
-        if path.exists() and not earlier:
+    keep_inputs(outputs, inputs)
+    ours = _outputs_of(target) if earlier else set()
+    for path in (path for path in outputs if path != target):
+        if os.path.lexists(path) and path not in ours:
             raise InputError(f"{path}: would be overwritten; give another folder with -o.")
+
+
+def _outputs_of(file: Path) -> set[Path]:
+    """The files that came with a capture file of an earlier rendering."""
+    try:
+        tables = schema.read(file, schema.CaptureFile)
+    except InputError:
+        return set()
+    names = ["mask.png", "normals.exr", *(image.file for image in tables.image if image.file is not None)]
+    names += [name for name in (tables.geometry.mesh, tables.geometry.positions) if name is not None]
+    camera = tables.camera.file if tables.camera is not None else None
+    copied = [] if camera is None else [file.parent / camera, *(file.parent / camera).glob("*")]
+    return {*copied, *(file.parent / name for name in names)}
 
 
 def _copied(description: Description) -> list[str]:

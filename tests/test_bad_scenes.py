@@ -89,3 +89,20 @@ def test_names_that_cannot_hold_such_pixels_are_refused(tmp_path: Path, bits: st
 def test_two_images_of_one_name_are_refused(tmp_path: Path) -> None:
     file = scenes.write(tmp_path, LAMBERT, SPHERE, 2 * NAMED.format("a.exr"))
     assert "a.exr" in refusal(lambda: simulate(file, tmp_path / "out"))
+
+
+@pytest.mark.parametrize("name", ["mask.png", "./Mask.png", "mask.png/00.png"])
+def test_an_image_does_not_replace_the_mask(tmp_path: Path, name: str) -> None:
+    file = scenes.write(tmp_path, LAMBERT, SPHERE, "[noise]\nbits = 8", NAMED.format(name))
+    assert "two files would be called" in refusal(lambda: simulate(file, tmp_path / "out"))
+    assert not (tmp_path / "out").exists()
+
+
+def test_own_files_in_an_earlier_rendering_stay(tmp_path: Path) -> None:
+    file = scenes.write(tmp_path / "scene", LAMBERT, SPHERE, NAMED.format("a.exr"))
+    out = simulate(file, tmp_path / "out")
+    (out / "mine.exr").write_text("mine", "utf-8")
+    simulate(file, out)
+    scenes.write(tmp_path / "scene", LAMBERT, SPHERE, NAMED.format("mine.exr"))
+    assert "would be overwritten" in refusal(lambda: simulate(file, out))
+    assert (out / "mine.exr").read_text("utf-8") == "mine"

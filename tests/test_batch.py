@@ -107,3 +107,32 @@ def test_captures_of_one_command_may_share_files_beside_them(two: list[Path], tm
     alone, among = batch.jobs([good], None, LAMBERT)[0], batch.jobs([bad, good], None, LAMBERT)[1]
     assert "outside" in batch.run(alone).error
     assert batch.run(among).status == "estimated"
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (OSError(28, "No space left on device", "out"), "out: No space left on device."),
+        (MemoryError(), "there is not enough memory"),
+        (ZeroDivisionError("division by zero"), "this is a fault of matest, please report it: ZeroDivisionError"),
+    ],
+)
+def test_work_that_fails_is_an_outcome(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, error: Exception, words: str
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr(batch, "load_capture", fail)
+    outcome = batch.run(Job(tmp_path, tmp_path / "out", Options()))
+    assert (outcome.status, outcome.exit_code) == ("failed", 1)
+    assert words in outcome.error
+
+
+def test_a_place_that_cannot_be_written_to_is_told_before_the_capture_is_read(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(batch, "load_capture", lambda *_, **__: pytest.fail("it was read"))
+    outcome = batch.run(Job(tmp_path, Path("/proc/out"), Options()))
+    assert (outcome.status, outcome.exit_code) == ("failed", 1)
+    assert "nothing can be written there" in outcome.error

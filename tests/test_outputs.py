@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
+import math
 import os
 from pathlib import Path
 
 import pytest
 
-from matest.outputs import keep_inputs, whole_files
+from matest.outputs import check_distinct, check_writable, json_text, keep_inputs, whole_files, write_text
 from tests.captures import refusal
 
 
@@ -56,3 +58,46 @@ def test_an_error_of_the_disk_names_the_folder_and_leaves_nothing(tmp_path: Path
         fill()
     assert caught.value.filename == str(tmp_path / "out")
     assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.parametrize(
+    "names", [["a.png", "./a.png"], ["a.png", "b/../a.png"], ["mask.png", "MASK.png"], ["a.png", "a.png/b.png"]]
+)
+def test_two_files_of_one_place_are_refused(names: list[str]) -> None:
+    assert "two files would be called" in refusal(lambda: check_distinct(names, "scene.toml"))
+
+
+def test_files_of_different_places_are_not_refused() -> None:
+    check_distinct(["a.png", "b/a.png", "b/c.png"], "scene.toml")
+
+
+def test_a_place_under_a_file_is_refused_before_the_work(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("mine")
+    assert "is a file" in refusal(lambda: check_writable(tmp_path / "file"))
+    assert "which is a file" in refusal(lambda: check_writable(tmp_path / "file" / "out"))
+
+
+def test_a_place_that_takes_no_files_is_told_before_the_work(tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="nothing can be written there") as raised:
+        check_writable(Path("/proc/matest/out"))
+    assert raised.value.filename == "/proc/matest/out"
+    check_writable(tmp_path / "new" / "folder")
+    assert not [*tmp_path.iterdir()]
+
+
+def test_files_go_where_a_link_leads(tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to("real")
+    with whole_files(tmp_path / "link", last="b") as part:
+        (part / "b").write_text("1")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "real" / "b").read_text() == "1"
+
+
+def test_json_has_null_for_what_is_no_number() -> None:
+    content = {"a": [1.0, math.nan], "b": {"c": -math.inf}, "d": (2, True, None)}
+    assert json.loads(json_text(content)) == {"a": [1.0, None], "b": {"c": None}, "d": [2, True, None]}
+
+
+def test_names_that_are_no_text_are_written_as_escapes(tmp_path: Path) -> None:
+    write_text(tmp_path / "a.json", json_text({"name": "a\udcff"}, ensure_ascii=False))
+    assert json.loads((tmp_path / "a.json").read_text("utf-8")) == {"name": "a\udcff"}

@@ -247,7 +247,9 @@ def _as_tensor(value: Any, declared: Parameter, label: str) -> Tensor:
         return value
     try:
         tensor = torch.as_tensor(value, dtype=torch.float64)
-    except (TypeError, ValueError, RuntimeError):
+        if tensor.ndim > 1 or not tensor.numel():
+            raise ValueError
+    except (TypeError, ValueError, RuntimeError, OverflowError):
         raise InputError(f"{label} must be a number, a list of one number per channel, or a tensor; got {value!r}.")
     if not declared.domain.contains(tensor):
         hint = " Angles are in radians." if declared.unit == "rad" else ""

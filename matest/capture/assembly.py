@@ -10,11 +10,12 @@ import numpy as np
 import torch
 
 from matest.brdf.curvature import SHARPEST
+from matest.capture import ranges
 from matest.capture.camera_file import with_camera
 from matest.capture.description import Description
 from matest.capture.geometry import check_size, visible_surface
 from matest.capture.light_tables import colour, lights_of
-from matest.errors import InputError
+from matest.errors import Fault, InputError, refuse
 from matest.photographs.images import full_scale, read_image
 from matest.photographs.noise import Noise
 from matest.photographs.photographs import Photographs
@@ -28,8 +29,10 @@ from matest.scene.surface import Surface
 SATURATION = 0.98
 # Smallest saturation that is suggested, fraction of full scale: cameras that fill their codes clip above it.
 _LOWEST_SATURATION = 0.5
-# Wavelengths of light that a camera may have, µm: values in nm lie far above them.
-_WAVELENGTHS = (0.1, 20.0)
+
+
+# Largest noise and black level of integer images, fractions of full scale: codes lie above.
+_MOST_NOISE, _MOST_BLACK = 0.1, 0.5
 
 
 @dataclass(frozen=True)
@@ -146,7 +149,7 @@ def realise(
         encoding=encoding,
         exposures=tuple(1.0 if table.exposure is None else table.exposure for table in tables.image),
         exposures_stated=any(table.exposure is not None for table in tables.image),
-        noise=None if tables.noise is None else Noise(tables.noise.read, tables.noise.gain),
+        noise=_noise(description, images),
         saturation_stated=tables.encoding.saturation is not None,
         relative=tables.encoding.radiometry == "relative" or not powers_stated,
         names=description.names,
@@ -185,6 +188,28 @@ def _meant(saturation: float, top: float) -> str:
     return "give at most 1."
 
 
+def _noise(description: Description, images: ImageFormat) -> Noise | None:
+    """The noise that a file states; None where it states none.
+
+    Raises:
+        InputError: in codes, not in fractions of full scale, or so much that integers hold nothing else.
+    """
+    table = description.tables.noise
+    if table is None:
+        return None
+    if images.dtype.kind == "u":
+        top = full_scale(images.dtype)
+        stated = (("noise.read", table.read), ("noise.gain", table.gain))
+        refuse(description.file, (_too_much(key, value, _MOST_NOISE, top) for key, value in stated))
+    return Noise(table.read, table.gain)
+
+
+def _too_much(key: str, value: float, most: float, top: float) -> Fault:
+    """Whether a fraction of full scale of integers is beyond what sensors have, and the sentence that says so."""
+    codes = f" If that is a code of {top:.0f}, give {value / top:.3g}." if abs(value) >= 1 else ""
+    return abs(value) > most, f"{key} is a fraction of full scale, at most {most:g}; got {value:g}.{codes}"
+
+
 def _encoding(
     description: Description, images: ImageFormat, surface: Surface, transfer: str | float | None
 ) -> Encoding:
@@ -205,10 +230,8 @@ def _encoding(
         raise InputError(
             f"{description.file}: integer images need to say how pixels encode light, and nothing says it; {mend}"
         )
-    if isinstance(transfer, int | float) and not transfer > 0:
-        raise InputError(
-            f"{description.file}: encoding.transfer as a number is a gamma and must be positive; got {transfer}."
-        )
+    if isinstance(transfer, int | float) and transfer not in ranges.GAMMA:
+        raise InputError(f"{description.file}: encoding.transfer {ranges.GAMMA.rule}; got {transfer}.")
     encoding = Encoding(
         transfer="linear" if transfer is None else transfer,
         scale=1.0 if table.scale is None else table.scale,
@@ -221,6 +244,8 @@ def _encoding(
     if isinstance(table.black, str):
         black: float | np.ndarray = frame(table.black, "encoding.black")
     else:
+        if integer:
+            refuse(description.file, [_too_much("encoding.black", table.black, _MOST_BLACK, full_scale(images.dtype))])
         black = float(encoding.linear(np.array(table.black)))
     flat = None if table.flat is None else frame(table.flat, "encoding.flat")
     if table.flat is not None and flat is not None and not (flat > 0).all():
@@ -257,7 +282,4 @@ def _scene(description: Description, surface: Surface, channels: int, curvature:
     wavelength = None
     if camera is not None and camera.wavelength is not None:
         wavelength = colour(camera.wavelength, channels, f"{file}: camera.wavelength")
-        shortest, longest = _WAVELENGTHS
-        if not bool(((wavelength > shortest) & (wavelength < longest)).all()):
-            raise InputError(f"{file}: camera.wavelength is in µm (green is 0.55); got {camera.wavelength}.")
     return Scene(surface, tuple(lights), torch.stack(ambient), wavelength=wavelength).with_shadows()

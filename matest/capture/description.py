@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -14,11 +13,9 @@ from matest.capture.formats import LAYOUTS, Content, Layout, recognise
 from matest.capture.formats.colmap import model_files
 from matest.capture.schema import File
 from matest.errors import Fault, InputError, errors_of, refuse
-from matest.photographs.images import LARGEST, read_image
+from matest.photographs.images import read_image
 from matest.samples.uncertainty import Uncertainty
 
-# Largest width and height of images that do not exist yet, pixels: a typo must not fill the memory.
-_MAX_SIDE = 16384
 # Name of the file that describes a capture.
 _CAPTURE = "capture.toml"
 
@@ -90,17 +87,32 @@ class Description(Generic[File]):
         """The file that a key of the tables refers to.
 
         Raises:
-            InputError: it lies outside the common folder of the captures, or does not exist.
+            InputError: it lies outside the common folder of the captures, be it by a link, is no regular file, or does
+                not exist.
         """
+        if not reference.isprintable():
+            raise InputError(f"{self.file}: {key} = {reference!r} has characters that no name should have; rename it.")
         target = Path(os.path.normpath(self.folder / reference))
-        if not Path(os.path.abspath(target)).is_relative_to(os.path.abspath(self.root)):
+        # What is rendered takes files along, which have to lie in its folder.
+        scene = isinstance(self.tables, schema.SceneFile)
+        outside = not Path(os.path.abspath(target)).is_relative_to(os.path.abspath(self.root))
+        if outside or not Path(os.path.realpath(target)).is_relative_to(os.path.realpath(self.root)):
+            how = "" if outside else " by a link"
             raise InputError(
-                f"{self.file}: {key} = '{reference}' leads outside {self.root}, the captures' common folder; "
-                "copy the file into it and refer to it there."
+                f"{self.file}: {key} = '{reference}' leads outside {self.root}, the captures' common folder{how}; "
+                f"copy the file into it and refer to it there{'' if scene else ', or allow it with --allow-outside'}."
             )
-        if not target.is_file():
+        if not _is_file(target):
             raise InputError(f"{target}: no such file; {key} refers to it. Put it there or correct the name.")
         return target
+
+
+def _is_file(path: Path) -> bool:
+    """Whether a path leads to a regular file; none that is too long does."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
 
 
 def describe(path: str | Path, kind: type[File], *, root: Path | None = None) -> Description[File]:
@@ -127,6 +139,8 @@ def describe(path: str | Path, kind: type[File], *, root: Path | None = None) ->
     file = sources[0]
     if not tables.image:
         raise InputError(f"{file}: expected at least one [[image]]{' with lights' if scene else ''}; got none.")
+    # What a layout says is checked like what a file says.
+    schema.check_ranges(tables, file)
     refuse(file, _faults(tables))
     with errors_of(f"{file}: [uncertainty]"):
         uncertainty = Uncertainty.of(tables.uncertainty)
@@ -187,13 +201,11 @@ def image_shape(description: Description) -> tuple[int, int]:
     """Height and width of images that do not exist yet: the camera's resolution, or the size of normal map or mask.
 
     Raises:
-        InputError: the file states no size, or one that is impossible.
+        InputError: the file states no size.
     """
     file, tables = description.file, description.tables
     if tables.camera is not None and tables.camera.resolution is not None:
         width, height = tables.camera.resolution
-        if not (0 < width <= _MAX_SIDE and 0 < height <= _MAX_SIDE):
-            raise InputError(f"{file}: camera.resolution must be width and height in pixels; got [{width}, {height}].")
         return height, width
     for reference, key in ((tables.geometry.normals, "geometry.normals"), (tables.mask, "mask")):
         if reference is not None:
@@ -226,36 +238,9 @@ def image_channels(description: Description, lengths: Iterable[int] = ()) -> int
 
 
 def _faults(tables: schema.CaptureFile) -> Iterator[Fault]:
-    """Numbers that make no sense whatever else the file says."""
-    radius, camera, scale, noise = tables.geometry.radius, tables.camera, tables.encoding.scale, tables.noise
-    yield not _positive(radius), f"geometry.radius must be positive pixels; got {radius}."
-    width, geometry = tables.geometry.width, tables.geometry
-    yield not _positive(width), f"geometry.width must be positive world units; got {width}."
+    """Keys that do not go together whatever else the file says."""
+    camera, geometry = tables.camera, tables.geometry
     near = camera is not None and camera.kind == "perspective"
     flat = geometry.normals is not None and geometry.positions is None and not near
     sentence = "geometry.width goes with normals seen by a distant viewer, and without positions; leave it out."
-    yield width is not None and not flat, sentence
-    if camera is not None:
-        yield not _positive(camera.height), f"camera.height must be positive world units; got {camera.height}."
-        possible = camera.fov_y is None or 0 < camera.fov_y < math.pi
-        yield not possible, f"camera.fov_y must lie between 0 and π rad; got {camera.fov_y}."
-    yield not _positive(scale), f"encoding.scale is the radiance of full scale and must be positive; got {scale}."
-    black, saturation = tables.encoding.black, tables.encoding.saturation
-    possible = isinstance(black, str) or abs(black) < LARGEST
-    yield not possible, f"encoding.black must be a fraction of full scale; got {black}."
-    levels = saturation if isinstance(saturation, list) else [saturation]
-    sentence = f"encoding.saturation must be a positive fraction of full scale, or one per channel; got {saturation}."
-    yield not all(_positive(level) for level in levels), sentence
-    for key, value in (("read", noise.read), ("gain", noise.gain)) if noise is not None else ():
-        possible = 0 <= value < LARGEST
-        yield not possible, f"noise.{key} must be finite and not negative; got {value}. Correct or remove it."
-    seed = 0 if noise is None else noise.seed
-    yield seed < 0, f"noise.seed must not be negative; got {seed}."
-    for number, image in enumerate(tables.image):
-        sentence = f"image {number}: exposure must be positive; got {image.exposure}."
-        yield not _positive(image.exposure), sentence
-
-
-def _positive(value: float | None) -> bool:
-    """Whether a number is positive and below `LARGEST`; True where the file states none."""
-    return value is None or 0 < value < LARGEST
+    yield geometry.width is not None and not flat, sentence

@@ -5,13 +5,16 @@ from __future__ import annotations
 import re
 import tomllib
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
 
-from matest.errors import InputError, nearest
+from matest.capture import ranges
+from matest.capture.ranges import range_faults
+from matest.errors import InputError, nearest, refuse
 
 Vector = tuple[float, float, float]
+_Power = Annotated[float | list[float], ranges.POWER]
 
 
 class _Table(msgspec.Struct, forbid_unknown_fields=True):
@@ -22,10 +25,12 @@ class GeometryTable(_Table):
     mesh: str | None = None
     normals: str | None = None
     positions: str | None = None
-    width: float | None = None  # with normals alone: world units across the image of a surface in the plane z = 0
+    width: Annotated[float, ranges.WORLD_UNITS] | None = (
+        None  # with normals alone: world units across the image of a surface in the plane z = 0
+    )
     shape: Literal["sphere"] | None = None
     centre: tuple[float, float] | None = None
-    radius: float | None = None
+    radius: Annotated[float, ranges.PIXELS] | None = None
 
 
 class CameraTable(_Table):
@@ -33,42 +38,42 @@ class CameraTable(_Table):
     position: Vector = (0.0, 0.0, 5.0)
     target: Vector = (0.0, 0.0, 0.0)
     up: Vector = (0.0, 1.0, 0.0)
-    height: float | None = None
-    fov_y: float | None = None
+    height: Annotated[float, ranges.WORLD_UNITS] | None = None
+    fov_y: Annotated[float, ranges.ANGLE_OF_VIEW] | None = None
     matrix: tuple[Vector, Vector, Vector] | None = None
     distortion: list[float] = []
     file: str | None = None  # of another program, instead of all above
     frame: str | None = None  # the photograph in that file whose camera it is
-    wavelength: list[float] | None = None
-    resolution: tuple[int, int] | None = None  # scenes: width, height
-    supersampling: int = 1  # scenes: rays per pixel and axis
+    wavelength: Annotated[list[float], ranges.WAVELENGTH] | None = None
+    resolution: Annotated[tuple[int, int], ranges.SIDE] | None = None  # scenes: width, height
+    supersampling: Annotated[int, ranges.RAYS] = 1  # scenes: rays per pixel and axis
 
 
 class EncodingTable(_Table):
-    transfer: Literal["linear", "srgb"] | float | None = None
-    scale: float | None = None
-    black: float | str = 0.0
+    transfer: Literal["linear", "srgb"] | Annotated[float, ranges.GAMMA] | None = None
+    scale: Annotated[float, ranges.SCALE] | None = None
+    black: Annotated[float, ranges.PEDESTAL] | str = 0.0
     flat: str | None = None
-    saturation: float | list[float] | None = None
+    saturation: Annotated[float | list[float], ranges.SATURATION] | None = None
     radiometry: Literal["absolute", "relative"] = "absolute"
 
 
 class NoiseTable(_Table):
-    read: float = 0.0
-    gain: float = 0.0
+    read: Annotated[float, ranges.NOT_NEGATIVE] = 0.0
+    gain: Annotated[float, ranges.NOT_NEGATIVE] = 0.0
     bits: Literal[8, 16] | None = None  # scenes: integer images; absent: float
-    seed: int = 0  # scenes
+    seed: Annotated[int, ranges.SEED] = 0  # scenes
 
 
 class LightTable(_Table):
     direction: Vector | None = None
     position: Vector | None = None
-    irradiance: float | list[float] | None = None
-    intensity: float | list[float] | None = None
-    radiance: float | list[float] | None = None
-    solid_angle: float | None = None
+    irradiance: _Power | None = None
+    intensity: _Power | None = None
+    radiance: _Power | None = None
+    solid_angle: Annotated[float, ranges.SOLID_ANGLE] | None = None
     axis: Vector | None = None
-    anisotropy: float | None = None
+    anisotropy: Annotated[float, ranges.ANISOTROPY] | None = None
     size: float | tuple[float, float] | None = None  # diameter of a disc, or width and height of a rectangle
     up: Vector | None = None  # along the height of a rectangle
 
@@ -80,9 +85,11 @@ class LightTable(_Table):
 
 class ImageTable(_Table):
     file: str | None = None
-    exposure: float | None = None  # 1 where neither this nor the images of the capture say it
+    exposure: Annotated[float, ranges.POSITIVE] | None = (
+        None  # 1 where neither this nor the images of the capture say it
+    )
     lights: list[LightTable] = []
-    ambient: float | list[float] = 0.0
+    ambient: _Power = 0.0
 
 
 class CaptureFile(_Table, kw_only=True):
@@ -104,6 +111,10 @@ class SceneFile(CaptureFile, kw_only=True):
 
 
 File = TypeVar("File", bound=CaptureFile)
+# A key of more tables than any file has: Python needs time and memory as the square of their number.
+_DEEP_KEY = re.compile(r"""(?m)(?:^|[\[{,])[ \t]*(?:["']?[\w-]+["']?[ \t]*\.[ \t]*){9}""")
+# The key of a line with a number that is too long for Python.
+_LONG_NUMBER = re.compile(r"(?m)^\s*([\w.\"-]+)\s*=[^\n]*\d{4301}")
 
 
 def read(path: Path, kind: type[File]) -> File:
@@ -113,19 +124,39 @@ def read(path: Path, kind: type[File]) -> File:
         InputError: missing, not TOML, an unknown key (with the nearest known one), a value of the wrong type.
     """
     try:
-        table = tomllib.loads(path.read_text("utf-8"))
+        # Editors of Windows begin files with a mark of their encoding.
+        text = path.read_text("utf-8-sig")
+        if _DEEP_KEY.search(text):
+            raise RecursionError
+        table = tomllib.loads(text)
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; a capture is a folder with a capture.toml.") from None
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InputError(f"{path}: expected a TOML file; {error}.") from None
+    except ValueError:
+        # Python reads no whole numbers of thousands of digits.
+        key = _LONG_NUMBER.search(text)
+        where = f"{key[1]} is" if key else "it has"
+        raise InputError(f"{path}: {where} a whole number of thousands of digits; correct it.") from None
     except RecursionError:
         raise InputError(f"{path}: expected a TOML file of a capture; its values are nested too deeply.") from None
     if "material" in table and kind is CaptureFile:
         raise InputError(f"{path}: this is a scene, not a capture; make photographs of it with 'matest render'.")
     try:
-        return msgspec.convert(table, kind)
+        tables = msgspec.convert(table, kind)
     except msgspec.ValidationError as error:
         raise InputError(f"{path}: {_explain(str(error), kind)}") from None
+    check_ranges(tables, path)
+    return tables
+
+
+def check_ranges(tables: CaptureFile, label: object) -> None:
+    """Refuse tables with a number outside the range of its key.
+
+    Raises:
+        InputError: it names the key.
+    """
+    refuse(label, range_faults(tables))
 
 
 def _explain(message: str, kind: type) -> str:

@@ -56,6 +56,9 @@ Pictures = Annotated[
     PictureSize,
     typer.Option(help="Pictures of photographs, model and difference: small, as large as the photographs, or none."),
 ]
+AllowOutside = Annotated[
+    bool, typer.Option("--allow-outside", help="Read files outside the captures' folder that they refer to or link.")
+]
 Out = Annotated[Path | None, typer.Option("-o", "--out", help="Where to write.", show_default=False)]
 
 
@@ -122,6 +125,11 @@ def uncertainty(texts: list[str] | None) -> Uncertainty:
     stated = once((pair(text, "--uncertainty") for text in texts or []), "--uncertainty")
     with errors_of("--uncertainty"):
         return Uncertainty.of({name: read(name, text) for name, text in stated.items()})
+
+
+def root(capture: Path, allow_outside: bool) -> Path | None:
+    """The folder that references of a capture may not leave; None: its own."""
+    return Path(capture.absolute().anchor) if allow_outside else None
 
 
 def indices(text: str) -> list[int]:

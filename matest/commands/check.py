@@ -44,6 +44,7 @@ def check(
     ] = None,
     transfer: arguments.Transfer = None,
     uncertainty: arguments.UncertaintyOf = None,
+    allow_outside: arguments.AllowOutside = False,
     as_json: arguments.Json = False,
 ) -> None:
     """Say before any fit how a capture is understood and what its images can tell of a model.
@@ -59,7 +60,8 @@ def check(
     assumed = dict(arguments.assignment(text, "--at") for text in at or [])
     camera_noise = None if noise is None else arguments.noise(noise)
     with progress(str(capture)) as say:
-        plan = identifiability.load_plan(capture, transfer=options.transfer, progress=say)
+        root = arguments.root(capture, allow_outside)
+        plan = identifiability.load_plan(capture, transfer=options.transfer, root=root, progress=say)
         plan = plan if camera_noise is None else plan.with_noise(*camera_noise)
         prediction = identifiability.check_with(plan, options, assumed, say)
     if as_json:

@@ -12,7 +12,10 @@ import typer
 from matest.commands import arguments
 from matest.commands.console import console, print_json
 from matest.errors import InputError
-from matest.outputs import keep_inputs
+from matest.outputs import check_writable, keep_inputs
+
+# First column of the table, by which an earlier one is known.
+_FIRST_COLUMN = "distance"
 
 EXAMPLE = "matest compare truth/00.exr oren-nayar/00.exr lambert/00.exr --row 128 -o figure-13"
 
@@ -42,6 +45,8 @@ def compare(
     stem = out.with_suffix("") if out.suffix in (".png", ".csv") else out
     plot, table = Path(f"{stem}.png"), Path(f"{stem}.csv")
     keep_inputs((plot, table), images)
+    _keep_others(plot, table)
+    check_writable(out.parent)
     stored = [read_image(path) for path in images]
     pixels = [_as_fractions(image) for image in stored]
     height, width = pixels[0].shape[:2]
@@ -59,7 +64,7 @@ def compare(
     out.parent.mkdir(parents=True, exist_ok=True)
     plot_profiles(comparison, plot)
     curves = zip(comparison.names, comparison.profiles, strict=True)
-    write_columns(table, {"distance": comparison.distance, **dict(curves)})
+    write_columns(table, {_FIRST_COLUMN: comparison.distance, **dict(curves)})
     if as_json:
         figures = zip(comparison.names, comparison.rms, comparison.maximum, comparison.peak, strict=True)
         rows = [{"image": n, "rms": r, "maximum": m, "peak": p} for n, r, m, p in figures]
@@ -68,6 +73,25 @@ def compare(
     from matest.report.tables import comparison_table
 
     console().print(comparison_table(comparison, notes), f"Written to {plot} and {table}")
+
+
+def _keep_others(plot: Path, table: Path) -> None:
+    """Refuse to write over files that are not those of an earlier comparison, which its table shows.
+
+    Raises:
+        InputError: there is such a file.
+    """
+    for path in (plot, table):
+        if path.is_symlink() or (path.exists() and not path.is_file()):
+            raise InputError(f"{path}: is no file that may be replaced; write elsewhere with -o.")
+    if table.is_file():
+        with table.open("rb") as file:
+            earlier = file.read(len(_FIRST_COLUMN)) == _FIRST_COLUMN.encode()
+    else:
+        earlier = False
+    for path in (plot, table):
+        if path.exists() and not earlier:
+            raise InputError(f"{path}: exists and is not from an earlier comparison; write elsewhere with -o.")
 
 
 def _as_fractions(image: Any) -> Any:

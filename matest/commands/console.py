@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from matest.errors import printable
+from matest.outputs import json_text
 from matest.progress import Progress, silent
 
 if TYPE_CHECKING:
@@ -47,8 +48,8 @@ def console(*, stderr: bool = False) -> Console:
 
 def print_json(content: Any) -> None:
     unicode = (sys.stdout.encoding or "").lower().startswith("utf")
-    typer.echo(json.dumps(content, ensure_ascii=not unicode))
+    typer.echo(json_text(content, ensure_ascii=not unicode))
 
 
 def note(text: str) -> None:
-    print(f"matest: note: {text}", file=sys.stderr)
+    print(f"matest: note: {printable(text)}", file=sys.stderr)

@@ -11,7 +11,7 @@ import typer
 
 from matest.commands import arguments
 from matest.commands.console import console, print_json, progress
-from matest.errors import InputError
+from matest.errors import InputError, WorkError, printable
 from matest.report.picture_size import PictureSize
 
 if TYPE_CHECKING:
@@ -53,6 +53,7 @@ def estimate(
         ),
     ] = 0,
     seed: arguments.Seed = 0,
+    allow_outside: arguments.AllowOutside = False,
     device: Annotated[str, typer.Option(help="Where to compute: cpu, cuda.")] = "cpu",
     pictures: arguments.Pictures = PictureSize.PREVIEW,
     as_json: arguments.Json = False,
@@ -65,7 +66,6 @@ def estimate(
     from matest import batch
     from matest.capture.description import capture_sources
     from matest.estimation.specification import check_options
-    from matest.report.folder import check_destination
 
     options = arguments.options(
         model, fix, free, tie, transfer,
@@ -75,17 +75,22 @@ def estimate(
         smooth_maps=smooth_maps,
     )  # fmt: skip
     check_options(options)
-    jobs = batch.jobs(captures, out, options, " ".join(["matest", *sys.argv[1:]]), pictures)
+    jobs = batch.jobs(
+        captures,
+        out,
+        options,
+        " ".join(["matest", *sys.argv[1:]]),
+        pictures,
+        arguments.root(captures[0], allow_outside),
+    )
     if len(captures) == 1:
         capture_sources(captures[0])
-    for job in jobs:
-        check_destination(job.out, "result.json")
     outcomes = []
     for job in jobs:
         with progress(str(job.capture)) as say:
             outcomes.append(batch.run(job, say))
-    if len(outcomes) == 1 and outcomes[0].error:
-        raise InputError(outcomes[0].error)
+    if len(outcomes) == 1 and (error := outcomes[0].error):
+        raise WorkError(error) if outcomes[0].failed else InputError(error)
     if as_json:
         _print_as_json(outcomes)
     else:
@@ -108,7 +113,7 @@ def _print_tables(outcomes: Sequence[Outcome]) -> None:
     terminal = console()
     for outcome in outcomes:
         if outcome.estimate is None:
-            typer.echo(f"matest: {outcome.error}", err=True)
+            typer.echo(f"matest: {printable(outcome.error)}", err=True)
         else:
             place = outcome.job.out
             terminal.print(estimate_table(outcome.estimate))

@@ -82,6 +82,8 @@ def export(
             file = out or folder.with_name(folder.name + TARGETS[to].SUFFIX)
             if file.is_dir() or not file.absolute().parent.is_dir():
                 raise InputError(f"{file}: expected a file name in an existing folder; give one with -o.")
+            if file.exists() and file.suffix.lower() != TARGETS[to].SUFFIX:
+                raise InputError(f"{file}: exists and is no {TARGETS[to].SUFFIX} file; give another name with -o.")
             conversion, merged = _write(results, to, file, size, say, fitted=fitted)
             content, lines = _content(conversion, file, to, merged), _lines(conversion, merged)
     if all(map(material_is_relative, results)):

@@ -122,6 +122,8 @@ def lights(
     files = [file for mirror in read for file in (*mirror.files, mirror.folder / "capture.toml")]
     keep_inputs((out, tables), files)
     check_tables(tables)
+    if out.exists() and not tables.exists():
+        raise InputError(f"{out}: exists, and is not from an earlier run, which has tables beside it; give another -o.")
     with progress(", ".join(map(str, captures))) as say:
         found = find_lights(mirrors, placement, say)
         strengths = None if matte is None else measure(found, matte, placement, say)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -27,6 +28,7 @@ def predict(
     out: arguments.Out = None,
     transfer: arguments.Transfer = None,
     pictures: arguments.Pictures = PictureSize.PREVIEW,
+    allow_outside: arguments.AllowOutside = False,
     as_json: arguments.Json = False,
 ) -> None:
     """Shade an estimated material under a capture's lights.
@@ -41,11 +43,18 @@ def predict(
     from matest.report.folder import check_destination, write_prediction
 
     material = load_material(result)
-    folder = result if result.is_dir() else result.parent
+    # A folder named by a dot has a name all the same.
+    folder = (result if result.is_dir() else result.parent).absolute()
+    folder = Path(os.path.normpath(folder))
     place = out or folder.with_name(f"{folder.name}-predict-{capture_name(capture)}")
     check_destination(place, "prediction.json")
     with progress(str(capture)) as say:
-        photographs = matest.load_capture(capture, transfer=arguments.encoding(transfer), progress=say)
+        photographs = matest.load_capture(
+            capture,
+            transfer=arguments.encoding(transfer),
+            root=arguments.root(capture, allow_outside),
+            progress=say,
+        )
         material, maps = _with_maps(material, result, photographs)
         say("shading")
         errors = prediction_errors(photographs, material)

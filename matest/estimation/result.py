@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -22,6 +23,8 @@ from matest.inference.quantities import ParameterEstimate, channel_names
 from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
 
 SCHEMA = "matest.estimate/1"
+# How far a stored value may be outside its domain.
+_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -218,9 +221,17 @@ def load_material(path: str | Path) -> Brdf:
         brdf, _ = model(content["model"])
         # Under relative radiometry an albedo may exceed 1: `replace` does not check tensors.
         values = {key: torch.as_tensor(value, dtype=torch.float64) for key, value in content["parameters"].items()}
+        if nested := [key for key, value in values.items() if value.ndim > 1 or not value.numel()]:
+            raise InputError(f"{nested[0]} must be a number or a list of one number per channel; estimate it again.")
         # Squares of what is shaded with it must stay within single precision.
         if beyond := [key for key, value in values.items() if not bool(value.float().square().isfinite().all())]:
             raise InputError(f"{beyond[0]} is {content['parameters'][beyond[0]]}; estimate it again.")
+        for key in values.keys() & brdf.declared.keys():
+            declared, value = brdf.declared[key], values[key]
+            # Under relative radiometry an albedo may exceed 1; rounding is no fault.
+            upper = math.inf if key in brdf.structure.amplitudes else declared.domain.upper
+            if not bool(((value >= declared.domain.lower - _ROUNDING) & (value <= upper + _ROUNDING)).all()):
+                raise InputError(f"{key} must lie in {declared.domain}; got {value.tolist()}. Estimate it again.")
         return brdf.replace(values)
     except InputError as error:
         raise InputError(f"{_material_file(path)}: expected a material of 'matest estimate'; {error}") from None
@@ -243,7 +254,7 @@ def _read_material(path: str | Path) -> dict[str, Any]:
     try:
         content = json.loads(file.read_text("utf-8"))
         _ = content["model"], content["parameters"].items()
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise InputError(f"{file}: expected a material of 'matest estimate'; cannot read it ({error}).") from None
     return content
 

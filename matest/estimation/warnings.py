@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+from matest.estimation.brightness import impossible_brightness
 from matest.estimation.odd_image import spoiling_image
 from matest.estimation.photographs import PhotographFit, standing_out
 from matest.estimation.specification import Specification
@@ -333,6 +334,7 @@ def _imprecise(context: Context) -> Iterator[str]:
 
 # In the order of the sentences.
 RULES: tuple[Rule, ...] = (
+    impossible_brightness,
     _not_described,
     _relative_radiometry,
     _held_by_default,
@@ -362,6 +364,7 @@ RULES: tuple[Rule, ...] = (
 _SYMPTOMS: tuple[Rule, ...] = (_not_described, _f0_too_low, _odd_images, _outliers, _missed_angles, _poor_fit)
 # And those that hold for samples of any kind.
 GENERAL_RULES: tuple[Rule, ...] = (
+    impossible_brightness,
     _not_described,
     _held_by_default,
     _f0_too_low,

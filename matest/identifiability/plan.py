@@ -88,12 +88,19 @@ class Plan:
         return replace(self, photographs=photographs, noise_source=source)
 
 
-def load_plan(path: str | Path, *, transfer: str | float | None = None, progress: Progress = silent) -> Plan:
+def load_plan(
+    path: str | Path,
+    *,
+    transfer: str | float | None = None,
+    root: Path | None = None,
+    progress: Progress = silent,
+) -> Plan:
     """Read what is to be checked: a capture with or without its photographs, or a scene.
 
     Args:
         path: a folder with a `capture.toml` or else a `scene.toml`, or one of these files.
         transfer: overrides `encoding.transfer`.
+        root: folder that file references may not leave (default: that of the file).
         progress: called with a word, the number of images decoded and their total.
 
     Raises:
@@ -103,13 +110,13 @@ def load_plan(path: str | Path, *, transfer: str | float | None = None, progress
     is_scene = (path / "scene.toml").is_file() and not (path / "capture.toml").is_file()
     file = capture_file(path, "scene.toml") if is_scene else capture_sources(path)[0]
     if is_scene or _has_material(file):
-        simulated = describe(file, schema.SceneFile)
+        simulated = describe(file, schema.SceneFile, root=root)
         material = material_of(simulated.tables.material, str(file))
         return _planned(simulated, scene_format(simulated, material), transfer, material)
-    description = describe(file, schema.CaptureFile)
+    description = describe(file, schema.CaptureFile, root=root)
     files = [table.file for table in description.tables.image]
     if any(name and (description.folder / name).is_file() for name in files):
-        return Plan.of(load_capture(file, transfer=transfer, progress=progress))
+        return Plan.of(load_capture(file, transfer=transfer, root=root, progress=progress))
     dtype = np.dtype(_PIXEL_TYPES.get(Path(files[0] or "").suffix.lower(), np.uint16))
     images = ImageFormat(image_shape(description), image_channels(description), dtype)
     return _planned(description, images, transfer, None)

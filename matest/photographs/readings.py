@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from matest.photographs.alternatives import Alternative, alternatives, in_order
 from matest.photographs.explanation import Explanation
 from matest.photographs.lattice import on_lattice
@@ -26,6 +28,9 @@ _GROSS, _LEFT = 0.04, 0.6
 # The same of photographs that get other lights: exchanging two that are near to each other also undoes a part of what
 # their directions are off, as much as half where that is 5°.
 _GROSS_OF_LIGHTS, _LEFT_OF_LIGHTS = 0.15, 0.4
+
+# Float above which powers of it leave single precision, fractions of full scale: electrons counted lie below.
+_IMMENSE = 1e6
 
 
 class _Tried(NamedTuple):
@@ -56,12 +61,19 @@ def better_readings(photographs: Photographs) -> list[Alternative]:
 
     None where there is none. The photographs of an alternative have few pixels.
     """
-    if len(photographs) < _MIN_IMAGES:
+    if len(photographs) < _MIN_IMAGES or _immense(photographs):
         return []
     thin = on_lattice(photographs, max(min(_PIXELS, _VALUES // len(photographs)), _FEWEST))
     tried = [one for one in _trials(thin) if one.explains]
     best = min((one.misfit for one in tried), default=0.0)
     return [one.alternative for one in tried if one.misfit <= _EQUAL * best]
+
+
+def _immense(photographs: Photographs) -> bool:
+    """Whether floats are so large that powers of them, as other readings take, leave single precision."""
+    return any(
+        stored.dtype.kind == "f" and float(np.abs(stored).max(initial=0)) > _IMMENSE for stored in photographs.stored
+    )
 
 
 def _trials(photographs: Photographs) -> Iterator[_Tried]:

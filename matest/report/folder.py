@@ -18,18 +18,24 @@ from matest.capture import Capture
 from matest.errors import InputError
 from matest.estimation.prediction import PredictionErrors
 from matest.estimation.result import Estimate
+from matest.outputs import check_writable, followed, json_text, write_text
 from matest.progress import Progress, silent
-from matest.report.maps import write_maps
+from matest.report.maps import files_of_map, write_maps
 from matest.report.page import page
 from matest.report.picture_size import PictureSize
 from matest.report.pictures import write_pictures
 
-# What matest writes into a result or prediction folder; a folder with anything else in it is not replaced.
-_WRITTEN_NAMES = {"result.json", "prediction.json", "material.json", "report.html", "profile.csv", "images", "maps"}
+# Pictures of results, from the folder.
+_PICTURE = re.compile(r"images/(\d+_(photo|render|residual)|mean_residual|slices|incidences|posterior)\.png")
+# What else a result has in its folder, by the file that marks it.
+_FILES = {
+    "result.json": ("result.json", "material.json", "report.html", "profile.csv"),
+    "prediction.json": ("prediction.json", "profile.csv"),
+}
 
 
 def check_destination(out: Path, marker: str) -> None:
-    """Refuse to replace anything but an empty folder or an earlier result.
+    """Refuse to replace anything but an empty folder or an earlier result, and a place that cannot be written to.
 
     Args:
         out: the folder to be written.
@@ -37,32 +43,49 @@ def check_destination(out: Path, marker: str) -> None:
 
     Raises:
         InputError: `out` is a file, or a folder with other things in it.
+        OSError: nothing can be written there.
     """
-    if not out.exists() or (out.is_dir() and not any(out.iterdir())):
-        return
-    foreign = out.name
-    if out.is_dir() and _is_by_matest(out / marker):
-        names = [path.name for path in out.iterdir()]
-        strangers = [name for name in names if name not in _WRITTEN_NAMES and not re.fullmatch(r"\d+\.exr", name)]
-        if not strangers:
-            return
-        foreign = strangers[0]
-    raise InputError(
-        f"{out}: would be replaced, but holds what matest did not write ({foreign}); give another folder with -o."
-    )
+    check_writable(out.parent if out.exists() and not out.is_symlink() else out)
+    if out.is_dir() and (foreign := _foreign(out, marker)):
+        raise InputError(
+            f"{out}: would be replaced, but holds what matest did not write ({foreign}); give another folder with -o."
+        )
+    if out.exists() and not out.is_dir():
+        raise InputError(f"{out}: is a file; give a folder with -o.")
 
 
-def _is_by_matest(file: Path) -> bool:
-    """Whether a JSON file has one of matest's schemas."""
+def _foreign(out: Path, marker: str) -> str:
+    """A file or folder in a folder that no earlier result put there; empty where there is none."""
+    written = _written(out / marker)
+    for path in sorted(out.rglob("*")):
+        name = path.relative_to(out).as_posix()
+        folder = path.is_dir() and not path.is_symlink()
+        if not (name in ("images", "maps") if folder and written else name in written or _is_picture(name, written)):
+            return name
+    return ""
+
+
+def _is_picture(name: str, written: Collection[str]) -> bool:
+    return bool(written) and _PICTURE.fullmatch(name) is not None
+
+
+def _written(marker: Path) -> Collection[str]:
+    """The files, but for pictures, of the result that a JSON file is of; none where it is none of matest's."""
     try:
-        return str(json.loads(file.read_text("utf-8"))["schema"]).startswith("matest.")
-    except (OSError, ValueError, KeyError, TypeError):
-        return False
+        content = json.loads(marker.read_text("utf-8"))
+        if not str(content["schema"]).startswith("matest."):
+            return ()
+        maps = [name for parameter in content.get("maps") or () for name in files_of_map(str(parameter))]
+        predictions = [str(image["prediction"]) for image in content.get("images") or () if "prediction" in image]
+        return {*_FILES[marker.name], *maps, *predictions}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return ()
 
 
 @contextmanager
 def whole_folder(out: Path) -> Iterator[Path]:
     """A temporary folder beside `out` that takes its place when the block ends well, and vanishes otherwise."""
+    out = followed(out)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
@@ -106,14 +129,14 @@ def write_result(
         timing["total"] = sum(timing.values())
         estimate = replace(estimate, timing_s=timing)
         step = pictures.step(capture.scene.surface.shape)
-        (folder / "report.html").write_text(page(estimate, capture.names, step), "utf-8")
+        write_text(folder / "report.html", page(estimate, capture.names, step))
         write_json(folder / "result.json", estimate.to_dict())
     return estimate
 
 
 def write_json(path: Path, content: dict) -> None:
     """A JSON file for people to read too."""
-    path.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", "utf-8")
+    write_text(path, json_text(content, indent=1, ensure_ascii=False) + "\n")
 
 
 def write_prediction(

@@ -49,6 +49,12 @@ def write_maps(estimate: Estimate, surface: Surface, folder: Path, *, previews: 
         write_image(folder / VIEW, surface.image(codes))
 
 
+def files_of_map(name: str) -> list[str]:
+    """The files that a result folder with a map of a parameter may have, from the folder."""
+    kinds = ("", "std", "smooth", "smooth_std")
+    return [VIEW, f"maps/{name}{_STATUS}", *(write(name, kind) for write in (map_file, picture_file) for kind in kinds)]
+
+
 def load_maps(folder: str | Path, surface: Surface) -> dict[str, ParameterMap]:
     """The maps of a result folder over the N pixels of a surface, by name of the parameter; empty where it has none.
 

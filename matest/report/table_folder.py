@@ -9,6 +9,7 @@ from pathlib import Path
 
 import matest
 from matest.estimation.table_fit import TableFit
+from matest.outputs import write_text
 from matest.progress import Progress, silent
 from matest.report.folder import check_destination, whole_folder, write_json
 from matest.report.table_page import table_page
@@ -35,6 +36,6 @@ def write_fit(fit: TableFit, out: Path, command: str = "", progress: Progress = 
         timing["total"] = sum(timing.values())
         fit = replace(fit, estimate=replace(fit.estimate, timing_s=timing, provenance=provenance))
         write_json(folder / "material.json", fit.estimate.material_dict())
-        (folder / "report.html").write_text(table_page(fit), "utf-8")
+        write_text(folder / "report.html", table_page(fit))
         write_json(folder / "result.json", fit.to_dict())
     return fit

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import logging
 from functools import cached_property
 from pathlib import Path
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -19,6 +21,10 @@ _MAX_HULL_FACES = 50_000
 _CONVEX_TOLERANCE = 1e-4
 # Largest angle between two faces (rad) whose normals are averaged: sharper edges are edges of the object.
 _SMOOTH_ANGLE = np.deg2rad(45)
+# Suffixes of archives that trimesh would unpack, however large what is in them.
+_ARCHIVES = ("zip", "gz", "bz2", "tar", "tgz")
+# Suffixes of meshes that are text.
+_TEXT = (".obj", ".off")
 # Extent of a mesh as Embree sees it, so that what it takes for small does not depend on the unit of length.
 _EMBREE_EXTENT = 100.0
 
@@ -57,11 +63,21 @@ class Mesh:
         """
         import trimesh
 
+        kind = path.suffix.lower().removeprefix(".")
+        if kind in _ARCHIVES:
+            raise InputError(f"{path}: expected a mesh, not an archive; unpack it and give the mesh in it.")
+        # trimesh asks it for files by name, as it asks a mapping.
+        resolver: Any = _Beside(path.parent)
         try:
-            scene = trimesh.load_scene(path, process=False)
+            with _opened(path) as file:
+                scene = trimesh.load_scene(file, file_type=kind, resolver=resolver, process=False)
             mesh = scene.to_mesh()
+        except MemoryError:
+            raise
         except Exception as error:  # trimesh passes on whatever its many parsers raise
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+            if isinstance(error, ImportError):
+                reason = f"a damaged file, or one that needs a package: {reason}"
             raise InputError(
                 f"{path}: expected a triangle mesh that trimesh reads (PLY, OBJ, STL, GLB); got '{reason}'. Export the "
                 "mesh again."
@@ -71,7 +87,13 @@ class Mesh:
                 f"{path}: expected a mesh with triangles and finite vertices; got "
                 f"{len(getattr(mesh, 'faces', ()))} triangles. Export the surface, not only points or lines."
             )
-        return cls(np.asarray(mesh.vertices), np.asarray(mesh.faces), _normals_of_file(scene), _uv_of_file(scene))
+        faces = np.asarray(mesh.faces)
+        if faces.min() < 0 or faces.max() >= len(mesh.vertices):
+            raise InputError(
+                f"{path}: expected faces of its {len(mesh.vertices):,} vertices; one names the vertex "
+                f"{faces.min() if faces.min() < 0 else faces.max()} (from 0). Export the mesh again."
+            )
+        return cls(np.asarray(mesh.vertices), faces, _normals_of_file(scene), _uv_of_file(scene))
 
     @cached_property
     def corner_normals(self) -> np.ndarray:
@@ -173,6 +195,36 @@ class Mesh:
         scene = EmbreeScene()
         TriangleMesh(scene=scene, vertices=self._scaled(self._mesh.vertices), indices=self._mesh.faces.astype(np.int32))
         return scene
+
+
+class _Beside:
+    """Files that a mesh refers to, such as buffers and materials, as trimesh asks for them.
+
+    Only regular files in the folder of the mesh or below are read: others may be devices, or somebody else's.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder.resolve()
+
+    def get(self, name: str) -> bytes:
+        path = (self._folder / name.strip()).resolve()
+        if not path.is_relative_to(self._folder) or not path.is_file():
+            raise FileNotFoundError(f"the file '{name}' that it refers to is not beside it")
+        return path.read_bytes()
+
+    def __getitem__(self, name: str) -> bytes:
+        return self.get(name)
+
+
+def _opened(path: Path) -> BinaryIO:
+    """The content of a mesh file; text that is no UTF-8 is taken for that of Western Windows."""
+    content = path.read_bytes()
+    if path.suffix.lower() in _TEXT:
+        try:
+            content.decode("utf-8")
+        except UnicodeDecodeError:
+            content = content.decode("cp1252", errors="replace").encode("utf-8")
+    return io.BytesIO(content)
 
 
 def _single(values: np.ndarray) -> np.ndarray:

@@ -113,7 +113,7 @@ def test_a_near_light_with_an_axis_is_an_led(
     ("change", "words"),
     [
         ({"axis": [0.0, 0.0, 0.0]}, "axis must point along the beam"),
-        ({"axis": [0.0, 0.0, math.nan]}, "axis must point along the beam"),
+        ({"axis": [0.0, 0.0, math.nan]}, "axis must be finite"),
         ({"anisotropy": 1.0}, "anisotropy goes with axis"),
         ({"axis": [0.0, 0.0, -1.0], "anisotropy": -1.0}, "between 0 and 1000"),
         ({"axis": [0.0, 0.0, -1.0], "anisotropy": math.nan}, "between 0 and 1000"),

@@ -169,3 +169,16 @@ def test_a_scene_is_told_from_a_capture(tmp_path: Path) -> None:
 def test_a_file_of_values_nested_without_end_is_refused(file):
     message = refusal(lambda: read_text(file, "mask = " + "[" * 5000 + "]" * 5000))
     assert message.startswith(f"{file}: ")
+
+
+@pytest.mark.parametrize(
+    "text", ["a." * 20_000 + "b = 1", "[" + "a." * 20_000 + "b]", "x = {" + "a." * 20_000 + "b=1}"]
+)
+def test_a_key_of_tables_without_end_is_refused_at_once(file, text):
+    file.write_text(text)
+    assert "nested too deeply" in refusal(lambda: schema.read(file, schema.CaptureFile))
+
+
+def test_the_mark_with_which_windows_begins_files_is_read_over(file):
+    text = '[geometry]\nshape = "sphere"\n[[image]]\nfile = "a.png"\n'
+    assert read_text(file, f"\ufeff{text}") == read_text(file, text)

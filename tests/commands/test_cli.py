@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -36,6 +38,10 @@ def greet(name: Annotated[str, typer.Argument(help="Whom.")], as_json: arguments
         raise InputError("nobody cannot be greeted; name somebody.")
     if name == "late":
         raise KeyboardInterrupt
+    if name == "absurd":
+        print(1 / 0)
+    if name == "greedy":
+        raise MemoryError
     if name == "away":
         os.stat("away")
     print_json({"hello": name})
@@ -142,3 +148,64 @@ def test_brackets_in_the_name_of_a_folder_are_no_markup(run: Run, capture: Path,
     code, out, _ = run("estimate", capture, "--model", "lambert", "-o", folder)
     assert code == 0
     assert f"Result in {folder} (open {folder / 'report.html'})" in out
+
+
+def matest(*arguments: str) -> list[str]:
+    return [sys.executable, "-m", "matest", *arguments]
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
+def test_closed_streams_leave_the_exit_code(closed: str) -> None:
+    command = f"{sys.executable} -m matest models lambert {closed}"
+    assert subprocess.run(["bash", "-c", command], capture_output=True, check=False).returncode == 0
+
+
+def test_a_reader_that_goes_gets_one_sentence() -> None:
+    command = f"{sys.executable} -m matest models | true; exit ${{PIPESTATUS[0]}}"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr.count("\n")) in ((0, 0), (1, 1))
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("kind", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+def test_signals_to_end_are_obeyed_and_leave_nothing(capture: Path, kind: int) -> None:
+    before = sorted(capture.rglob("*"))
+    command = matest("estimate", str(capture), "--model", "oren-nayar+cook-torrance", "--refine", "all")
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        # Until it has begun to work.
+        while "torch" not in Path(f"/proc/{process.pid}/maps").read_text():
+            time.sleep(0.05)
+        time.sleep(0.5)
+        process.send_signal(kind)
+        _, err = process.communicate(timeout=30)
+    assert process.returncode == 1
+    assert err == "matest: interrupted; what was not finished was not written.\n"
+    assert sorted(capture.rglob("*")) == before
+
+
+@pytest.mark.usefixtures("greeting")
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("absurd", "this is a fault of matest, please report it: ZeroDivisionError: division by zero."),
+        ("greedy", "there is not enough memory for this; close other programs, or give fewer or smaller images."),
+    ],
+)
+def test_what_nobody_expected_is_one_sentence(run: Run, name: str, sentence: str) -> None:
+    code, out, err = run("greet", name)
+    assert (code, out, err.count("\n")) == (1, "", 1)
+    assert err.startswith(f"matest: {sentence}")
+
+
+def test_control_characters_in_a_name_are_not_obeyed(run: Run) -> None:
+    _, _, err = run("estimate", "\x1b[31mred")
+    assert "\x1b" not in err
+    assert r"\x1b[31mred" in err
+
+
+def test_a_signal_after_the_work_changes_nothing() -> None:
+    code = "import os, signal, sys, atexit; from matest import cli; sys.argv = ['matest', '--version']; "
+    code += "atexit.register(os.kill, os.getpid(), signal.SIGINT); cli.main()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("matest ")

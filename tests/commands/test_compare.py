@@ -83,3 +83,16 @@ def test_images_whose_names_are_no_text_are_compared(run: Run, capture: Path, tm
     code, _, err = run("compare", image, capture / "01.png", "-o", tmp_path / "section")
     assert (code, err) == (0, "")
     assert (tmp_path / "section.csv").read_text("utf-8").startswith("distance,\\xff.png,01.png\n")
+
+
+@pytest.mark.parametrize("name", ["mine.csv", "mine.png"])
+def test_files_that_are_not_from_a_comparison_are_not_replaced(
+    run: Run, capture: Path, tmp_path: Path, name: str
+) -> None:
+    (tmp_path / name).write_text("mine", "utf-8")
+    images = (capture / "00.png", capture / "01.png")
+    code, _, err = run("compare", *images, "-o", tmp_path / "mine")
+    assert (code, (tmp_path / name).read_text("utf-8")) == (2, "mine")
+    assert "is not from an earlier comparison" in err
+    for _ in range(2):
+        assert run("compare", *images, "-o", tmp_path / "other")[0] == 0

@@ -195,6 +195,47 @@ def test_a_folder_with_other_things_in_it_is_not_an_earlier_result(run: Run, cap
     assert (result / "notes.txt").read_text("utf-8") == "mine"
 
 
+@pytest.mark.parametrize("name", ["images/mine.png", "maps/notes.txt", "99.exr", "images/deep/00_photo.png"])
+def test_own_files_in_an_earlier_result_stay(run: Run, capture: Path, name: str) -> None:
+    run("estimate", capture, "--model", "lambert")
+    mine = capture / "matest" / name
+    mine.parent.mkdir(parents=True, exist_ok=True)
+    mine.write_text("mine", "utf-8")
+    code, _, err = run("estimate", capture, "--model", "lambert")
+    assert code == 2
+    assert "holds what matest did not write" in err
+    assert mine.read_text("utf-8") == "mine"
+
+
+def test_a_result_with_maps_is_replaced_by_one_without(run: Run, capture: Path) -> None:
+    run("estimate", capture, "--model", "lambert", "--maps", "albedo", "--smooth-maps", "2")
+    assert run("estimate", capture, "--model", "lambert")[0] == 0
+    assert not (capture / "matest" / "maps").exists()
+
+
+def test_a_link_to_the_place_of_a_result_stays_a_link(run: Run, capture: Path, tmp_path: Path) -> None:
+    (tmp_path / "out").symlink_to("disk")
+    for _ in range(2):
+        assert run("estimate", capture, "--model", "lambert", "-o", tmp_path / "out")[0] == 0
+        assert (tmp_path / "out").is_symlink()
+        assert (tmp_path / "disk" / "result.json").is_file()
+    assert [path.name for path in tmp_path.iterdir() if path.name.startswith(".")] == []
+
+
+def test_a_place_whose_name_is_no_text_takes_a_result(run: Run, capture: Path, tmp_path: Path) -> None:
+    assert run("estimate", capture, "--model", "lambert", "-o", os.fsdecode(bytes(tmp_path) + b"/o\xff"))[0] == 0
+
+
+def test_links_out_of_a_capture_are_followed_only_where_it_is_allowed(run: Run, capture: Path, tmp_path: Path) -> None:
+    (capture / "00.png").rename(tmp_path / "00.png")
+    (capture / "00.png").symlink_to("../00.png")
+    code, _, err = run("estimate", capture, "--model", "lambert")
+    assert code == 2
+    assert "leads outside" in err
+    assert "by a link" in err
+    assert run("estimate", capture, "--model", "lambert", "--allow-outside")[0] == 0
+
+
 def test_paths_with_dots_in_them_are_the_paths_they_lead_to(run: Run, capture: Path, tmp_path: Path) -> None:
     code, _, err = run("estimate", capture / ".." / "ball", "--model", "lambert", "-o", tmp_path / "out")
     assert (code, err) == (0, "")

@@ -288,3 +288,12 @@ def test_a_damaged_material_is_refused_by_name(tmp_path: Path, text: str) -> Non
 def test_a_material_of_another_kind_is_refused_by_name(tmp_path: Path, content: dict) -> None:
     (tmp_path / "material.json").write_text(json.dumps(content), "utf-8")
     assert "material.json" in refusal(lambda: load_material(tmp_path))
+
+
+@pytest.mark.parametrize(
+    "albedo", ["NaN", "Infinity", "[[0.5]]", "[[[0.5]]]", "[]", "null", "-1", "1e300", "9" * 5000, "[" * 100_000]
+)
+def test_a_material_that_is_no_number_is_refused(tmp_path: Path, albedo: str) -> None:
+    file = tmp_path / "material.json"
+    file.write_text(f'{{"model": "lambert", "parameters": {{"albedo": {albedo}}}}}', "utf-8")
+    assert refusal(lambda: load_material(file)).startswith(f"{file}: expected a material of 'matest estimate'; ")

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import struct
 import subprocess
 import sys
@@ -205,3 +206,52 @@ def test_meshes_without_texture_coordinates_and_scenes_of_several_have_none(tmp_
 def _cube(x: float) -> tuple[np.ndarray, np.ndarray]:
     cube = trimesh.creation.box((1, 1, 1)).apply_translation((x, 0, 0))
     return cube.vertices, cube.faces
+
+
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
+
+
+def a_ply(face: tuple[int, int, int]) -> str:
+    head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    faces = "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    return f"{head}{faces}0 0 0\n1 0 0\n0 1 0\n3 {' '.join(map(str, face))}\n"
+
+
+@pytest.mark.parametrize("vertex", [3, 10**6, 2**31 - 1, -1])
+def test_a_face_of_a_vertex_that_is_not_there_is_refused(tmp_path, vertex):
+    path = tmp_path / "mesh.ply"
+    path.write_text(a_ply((0, 1, vertex)))
+    assert f"expected faces of its 3 vertices; one names the vertex {vertex}" in refusal(lambda: Mesh.load(path))
+
+
+def test_a_face_of_a_vertex_that_is_not_there_is_refused_in_glb(tmp_path):
+    content = bytearray(trimesh.creation.box().export(file_type="glb"))
+    place = content.index(np.uint32([1, 3, 0]).tobytes())
+    content[place : place + 4] = struct.pack("<I", 10**8)
+    path = tmp_path / "mesh.glb"
+    path.write_bytes(bytes(content))
+    assert "one names the vertex 100000000" in refusal(lambda: Mesh.load(path))
+
+
+def test_a_mesh_with_comments_in_latin_1_is_read(tmp_path):
+    path = tmp_path / "mesh.obj"
+    path.write_bytes(f"# Müller\n{TRIANGLE}f 1 2 3\n".encode("latin-1"))
+    assert Mesh.load(path).triangles.shape == (1, 3, 3)
+
+
+@pytest.mark.parametrize("reference", ["pipe.mtl", "../secret.mtl", "/etc/hostname", "no.mtl"])
+def test_a_mesh_reads_only_regular_files_beside_it(tmp_path, reference):
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    os.mkfifo(folder / "pipe.mtl")
+    (tmp_path / "secret.mtl").write_text("newmtl a\n")
+    path = folder / "mesh.obj"
+    path.write_text(f"mtllib {reference}\n{TRIANGLE}usemtl a\nf 1 2 3\n")
+    assert Mesh.load(path).triangles.shape == (1, 3, 3)
+
+
+@pytest.mark.parametrize("suffix", [".zip", ".tar.gz"])
+def test_an_archive_is_not_unpacked(tmp_path, suffix):
+    path = tmp_path / f"mesh{suffix}"
+    path.write_bytes(b"PK")
+    assert "not an archive" in refusal(lambda: Mesh.load(path))

@@ -160,4 +160,4 @@ def _first(folder: Path, stems: Sequence[str], suffixes: Sequence[str]) -> Path 
 
 def _numeric(file: Path) -> list[tuple[int, str]]:
     """A key that sorts the numbers in a name by value."""
-    return [(int(part), "") if part.isdigit() else (0, part.lower()) for part in re.split(r"(\d+)", file.name)]
+    return [(int(part), "") if part.isdecimal() else (0, part.lower()) for part in re.split(r"(\d+)", file.name)]

@@ -7,6 +7,7 @@ those of programs that count rows: the photographs decide. Strengths are equal a
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,6 +19,8 @@ from matest.capture.formats.text import lines_of, number
 from matest.capture.schema import CaptureFile, EncodingTable, ImageTable, LightTable
 from matest.errors import InputError
 
+# A number of lights: of nine digits at most, so that any text can be tried.
+_COUNT = re.compile(r"[0-9]{1,9}")
 # Numbers of a line, after the name.
 _COORDINATES = 3
 # Rounding of unit vectors that were written with three digits.
@@ -80,7 +83,7 @@ def _lights(file: Path) -> list[_Light]:
         InputError: no number of lights, another one than there are, or a line with something else.
     """
     (first, head), *lines = lines_of(file)
-    if not head.isdecimal():
+    if not _COUNT.fullmatch(head):
         raise InputError(
             f"{file}: line {first} should hold the number of lights and nothing else; got '{head[:60]}'. Add the line."
         )

@@ -13,7 +13,7 @@ import numpy as np
 from matest.errors import InputError
 from matest.photographs.readers import alpha
 from matest.photographs.readers.chromaticities import to_rec709
-from matest.photographs.readers.raster import Raster, unreadable
+from matest.photographs.readers.raster import Raster, check_size, unreadable
 
 # Channels of a picture: colours, else vectors, else grey.
 _COLOURS = ("R", "G", "B")
@@ -74,6 +74,8 @@ def read_exr(path: Path) -> Raster:
     covered = "A" in layer.channels and layer.picture in (_COLOURS, _GREY)
     channels = (*layer.picture, "A") if covered else layer.picture
     data, display = (_box(window) for window in windows)
+    for box in (data, display):
+        check_size(path, box.shape, 4, channels=len(channels))
     pixels = _decode(path, [layer.full(channel) for channel in channels], data)
     if covered and (pixels[..., -1] != 1).any():
         pixels[..., :-1] = alpha.without_alpha(path, pixels[..., :-1], pixels[..., -1])

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from matest.errors import InputError
 from matest.photographs.readers.orientation import exif_orientation, upright
-from matest.photographs.readers.raster import Raster, unreadable
+from matest.photographs.readers.raster import Raster, check_size, unreadable
 
 # Marker of an application's block, which EXIF is.
 _APPLICATION = 0xE1
@@ -23,9 +23,12 @@ def read_jpeg(path: Path) -> Raster:
 
     data = path.read_bytes()
     try:
-        colours = simplejpeg.decode_jpeg_header(data)[2]
+        height, width, colours, _ = simplejpeg.decode_jpeg_header(data)
+        check_size(path, (height, width), 1, channels=3)
         wanted = _COLOURS.get(colours)
         pixels = simplejpeg.decode_jpeg(data, wanted, strict=True) if wanted else None
+    except InputError:
+        raise
     except ValueError as error:
         raise unreadable(path, error) from None
     if pixels is None:

@@ -8,11 +8,13 @@ from pathlib import Path
 
 from matest.errors import InputError
 from matest.photographs.readers.codes import raster_of_codes
-from matest.photographs.readers.raster import Raster, unreadable
+from matest.photographs.readers.raster import Raster, check_size, unreadable
 
 # Markers of a codestream: its begin with the size, how it is coded, and its first tile.
 _BEGIN = b"\xff\x4f\xff\x51"
 _CODING, _TILE = 0xFF52, 0xFF90
+# Place after the begin marker of right and lower end of the image, then left and upper end, four bytes each.
+_EXTENT = 8
 # Places after the begin marker: number of components, the first of them (three bytes each), the next marker.
 _COMPONENTS, _FIRST_COMPONENT = 40, 42
 # Place, after the marker of the coding, of the kind of wavelet; 1 can be undone.
@@ -28,8 +30,9 @@ _ASSOCIATED_ALPHA = 2
 
 @dataclass(frozen=True)
 class _Codestream:
-    """Of every component the bits, whether it is signed, and whether it has a value at every pixel."""
+    """Height and width; of every component the bits, whether it is signed, whether it has a value at every pixel."""
 
+    size: tuple[int, int]
     bits: tuple[int, ...]
     signed: bool
     whole: bool
@@ -48,7 +51,10 @@ def read_jpeg2000(path: Path) -> Raster:
     begin = data.find(_BEGIN)
     try:
         stream = _codestream(data, begin)
+        check_size(path, stream.size, 2, channels=len(stream.bits))
         pixels = imagecodecs.jpeg2k_decode(data)
+    except InputError:
+        raise
     # The decoder's own error, and places beyond the end of the file.
     except (imagecodecs.Jpeg2kError, IndexError, ValueError) as error:
         raise unreadable(path, error) from None
@@ -79,7 +85,9 @@ def _codestream(data: bytes, begin: int) -> _Codestream:
         if not length:
             raise ValueError("a marker has no length")
         place += 2 + length
+    right, bottom, left, top = (_number(data, begin + _EXTENT + 4 * number, 4) for number in range(4))
     return _Codestream(
+        size=(max(bottom - top, 0), max(right - left, 0)),
         bits=tuple((component[0] & 0x7F) + 1 for component in components),
         signed=any(component[0] & 0x80 for component in components),
         whole=all(component[1:] == b"\x01\x01" for component in components),

@@ -21,7 +21,9 @@ def decode(path: Path, data: bytes, kind: str) -> tuple[np.ndarray, bytes]:
 
     try:
         image, kinds, blocks = cv2.imdecodeWithMetadata(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    except cv2.error:
+    except cv2.error as error:
+        if error.code == cv2.Error.StsNoMem:
+            raise MemoryError from None
         image = None
     if image is None:
         raise unreadable(path, f"it is no whole {kind} file that OpenCV decodes")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
@@ -9,10 +10,10 @@ import numpy as np
 
 from matest.errors import InputError
 from matest.photographs.readers.codes import raster_of_codes
-from matest.photographs.readers.raster import Raster, unreadable
+from matest.photographs.readers.raster import Raster, check_size, unreadable
 
 # Kind, width, height and maximum, with white space and comments between them, and one white space at the end.
-_HEADER = re.compile(rb"P([2356])" + 3 * rb"(?:\s|#[^\n]*\n)+(\d+)" + rb"(?:#[^\n]*)?\s")
+_HEADER = re.compile(rb"P([2356])" + 3 * rb"(?:\s|#[^\n]*\n)+(\d{1,9})" + rb"(?:#[^\n]*)?\s")
 _COMMENT = re.compile(rb"#[^\n]*")
 
 
@@ -25,8 +26,9 @@ def read_pnm(path: Path) -> Raster:
     if not 0 < maximum < 65536:
         raise unreadable(path, f"its maximum is {maximum}, not between 1 and 65535")
     shape = (height, width, 3) if kind in (3, 6) else (height, width)
+    check_size(path, shape, 2)
     codes = _binary(data[header.end() :], maximum) if kind >= 5 else _text(path, data[header.end() :])
-    count = int(np.prod(shape))
+    count = math.prod(shape)
     if len(codes) < count:
         raise unreadable(path, f"the file is truncated: it has {len(codes)} of {count} values")
     codes = codes[:count].reshape(shape)

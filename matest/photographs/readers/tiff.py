@@ -12,7 +12,7 @@ from matest.errors import InputError
 from matest.photographs.readers import alpha
 from matest.photographs.readers.codes import raster_of_32_bits, raster_of_codes
 from matest.photographs.readers.orientation import TAG, upright
-from matest.photographs.readers.raster import Raster, unreadable
+from matest.photographs.readers.raster import Raster, check_size, unreadable
 
 if TYPE_CHECKING:
     from tifffile import TiffPage
@@ -47,7 +47,7 @@ def read_tiff(path: Path) -> Raster:
             pixels = page.asarray(maxworkers=1).reshape(page.shape)
             others = sum(isinstance(other, tifffile.TiffPage) and not other.is_reduced for other in file.pages[1:])
             orientation = page.tags.valueof(TAG, 1)
-    except InputError:
+    except (InputError, MemoryError):
         raise
     # Tags of a damaged file make tifffile and its decoders raise whatever they like.
     except Exception as error:
@@ -78,6 +78,7 @@ def _check(path: Path, page: TiffPage, file_bytes: int) -> None:
         )
     if page.axes not in ("YX", "YXS", "SYX"):
         raise InputError(f"{path}: expected one image; the TIFF is a volume of shape {page.shape}. Save one slice.")
+    check_size(path, (page.imagelength, page.imagewidth), math.ceil(page.bitspersample / 8), page.samplesperpixel)
     segments = list(zip(page.dataoffsets, page.databytecounts, strict=False))
     if len(segments) != math.prod(page.chunked) or not all(count for _, count in segments):
         raise unreadable(path, "some of its strips or tiles are missing")
