@@ -14,8 +14,9 @@ from matest.brdf import Brdf
 from matest.estimators.calibrated import CalibratedModel
 from matest.estimators.covariance import fisher
 from matest.estimators.texels.elimination import Elimination
-from matest.estimators.texels.fit import TexelFitter, TexelProblem, TileFit
+from matest.estimators.texels.fit import TexelFitter, TileFit
 from matest.estimators.texels.maps import MapFit
+from matest.estimators.texels.problem import TexelProblem
 from matest.estimators.unknowns import Problem
 from matest.inference.budget import Budget
 from matest.samples.account import CalibratedSamples

@@ -11,9 +11,10 @@ from torch import Tensor
 
 from matest.estimators.columns import Columns
 from matest.estimators.texels.elimination import Elimination
-from matest.estimators.texels.fit import TexelFitter, TexelPrior, TexelProblem, TileFit, Trials
+from matest.estimators.texels.fit import TexelFitter, TileFit, Trials
 from matest.estimators.texels.maps import shared
 from matest.estimators.texels.models import radiance, texel_model
+from matest.estimators.texels.problem import TexelPrior, TexelProblem
 from matest.estimators.texels.regions import Regions
 from matest.estimators.texels.small_systems import Factored
 from matest.estimators.texels.some import Knowledge

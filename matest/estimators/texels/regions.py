@@ -10,7 +10,7 @@ import torch
 from scipy.cluster.vq import kmeans2, vq
 from torch import Tensor
 
-from matest.estimators.texels.fit import TexelPrior
+from matest.estimators.texels.problem import TexelPrior
 from matest.estimators.texels.unknowns import TexelUnknowns
 
 # Standard error, relative to the value of the region, up to which a texel tells an amplitude, and a shape.

@@ -15,7 +15,8 @@ from matest.estimators.levenberg_marquardt import at_bound, moved
 from matest.estimators.moments import SCORES
 from matest.estimators.search import shape_nodes
 from matest.estimators.texels.elimination import CommonSums, Elimination
-from matest.estimators.texels.fit import TexelFitter, TexelProblem, TileFit
+from matest.estimators.texels.fit import TexelFitter, TileFit
+from matest.estimators.texels.problem import TexelProblem
 from matest.estimators.texels.regions import Regions
 from matest.estimators.texels.trust import Reliable, ambiguous, curvature, totals
 from matest.estimators.texels.unknowns import TexelUnknowns
