@@ -64,11 +64,8 @@ def map_budget(
         count: of texels that say so.
         seed: of the choice of these.
     """
-    tile = samples.some_texels(count, seed)
-    tile = tile.some((~fit.theta[0, tile.texels].isnan()).nonzero()[:, 0])
-    theta = fit.theta[:, tile.texels]
-    fitter = TexelFitter(fit.texels, fit.unknowns, fit.residual_scale)
-    here = replace(fitter.fit(tile, fit.regions.weak_prior(len(tile))), theta=theta)
+    fitter, here = at_some_texels(fit, samples, count, seed)
+    tile, theta = here.tile, here.theta
     elimination = Elimination.of(fitter, here)
     inside = elimination.sums()
     inverse = fisher(inside.information, torch.ones(len(inside.scores), dtype=torch.bool)).matrix
@@ -95,6 +92,15 @@ def map_budget(
     turn = fit.information @ inverse
     scatters = {name: turn @ scatter @ turn.T for name, scatter in scatters.items()}
     return MapBudget(tile.texels, relative, means.sqrt(), Budget(fit.information, scatters))
+
+
+def at_some_texels(fit: MapFit, samples: CalibratedSamples, count: int, seed: int) -> tuple[TexelFitter, TileFit]:
+    """The maps at about `count` random texels that photographs show, with their samples."""
+    tile = samples.some_texels(count, seed)
+    tile = tile.some((~fit.theta[0, tile.texels].isnan()).nonzero()[:, 0])
+    fitter = TexelFitter(fit.texels, fit.unknowns, fit.residual_scale)
+    here = fitter.fit(tile, fit.regions.weak_prior(len(tile)))
+    return fitter, replace(here, theta=fit.theta[:, tile.texels])
 
 
 def _gradient(fit: MapFit, here: TileFit, change: Tensor) -> Tensor:

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import torch
 
 from matest.estimators.covariance import fisher
-from matest.estimators.texels.fit import TexelFitter, TileFit
+from matest.estimators.texels.fit import TileFit
 from matest.estimators.texels.maps import MapFit
 from matest.estimators.texels.small_systems import Factored
 from matest.estimators.texels.sums import TexelGram, TexelNormal
 from matest.inference.budget import Budget
-from matest.inference.map_calibration import MapBudget
+from matest.inference.map_calibration import MapBudget, at_some_texels
 from matest.samples.account import CalibratedSamples
 from matest.workers import single_threaded_torch
 
@@ -35,11 +33,8 @@ def map_jackknife(fit: MapFit, samples: CalibratedSamples, count: int, seed: int
         count: of texels that say so.
         seed: of the choice of these.
     """
-    tile = samples.some_texels(count, seed)
-    tile = tile.some((~fit.theta[0, tile.texels].isnan()).nonzero()[:, 0])
-    theta = fit.theta[:, tile.texels]
-    fitter = TexelFitter(fit.texels, fit.unknowns, fit.residual_scale)
-    here = replace(fitter.fit(tile, fit.regions.weak_prior(len(tile))), theta=theta)
+    _, here = at_some_texels(fit, samples, count, seed)
+    tile, theta = here.tile, here.theta
     size, images = len(theta), tile.images
     by_image = _by_image(fit, here)
     moves, steps = [], []
