@@ -92,4 +92,4 @@ def test_a_table_of_a_result_with_maps_is_of_their_means(run: Run, capture: Path
     assert run("estimate", capture, "--model", "lambert", "--maps", "albedo", "-o", tmp_path / "result")[0] == 0
     code, _, err = run("export", tmp_path / "result", "--to", "merl")
     assert code == 0
-    assert "the mean of each of the maps" in err
+    assert "a table is of one reflectance: what was written has their means" in err

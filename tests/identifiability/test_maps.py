@@ -68,7 +68,10 @@ def of_varied(material: Brdf, maps: str) -> MapsForecast:
     ids=["albedo", "albedo and sigma", "diffuse and slope"],
 )
 def test_what_is_predicted_of_maps_is_what_the_fit_finds(material: Brdf, maps: str, counts: tuple[int, ...]) -> None:
-    """Shares of pixels to 0.04, errors to 8 %: the fit's are at noisy values, on an object that varies."""
+    """Shares of pixels to 0.04, errors to 8 %: the fit's are at noisy values, on an object that varies.
+
+    Slopes that most pixels do not tell err by what those of the object scatter by, which is foreseen to 20 %.
+    """
     capture = varied(material, 12)
     forecast = of_varied(material, maps)
     for count in counts:
@@ -82,7 +85,9 @@ def test_what_is_predicted_of_maps_is_what_the_fit_finds(material: Brdf, maps: s
             assert row.lit == pytest.approx(float(seen.double().mean()), abs=0.01)
             assert row.maps[name].known == pytest.approx(each.determined, abs=0.04)
             assert row.maps[name].relative is not None
-            assert row.maps[name].relative[1] == pytest.approx(float(relative.median()), rel=0.08)
+            assert row.maps[name].relative[1] == pytest.approx(
+                float(relative.median()), rel=0.2 if name == "slope" else 0.08
+            )
         for name, error in row.common.items():
             parameter = estimate.parameters[name]
             worst = np.max(np.ravel(parameter.std) / np.ravel(parameter.value))

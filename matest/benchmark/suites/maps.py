@@ -324,4 +324,4 @@ def _covered(metrics: Mapping[str, Record], metric: str) -> Text:
     return Text(shown.plain, style="red") if above is not None and above.misses else shown
 
 
-SUITE = Suite(measure, table, share=60)
+SUITE = Suite(measure, table, share=30)

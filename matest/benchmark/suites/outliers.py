@@ -38,4 +38,4 @@ def table(records: Sequence[Record]) -> Group:
     return pooled_table(records, conditions)
 
 
-SUITE = Suite(measure, table, share=120)
+SUITE = Suite(measure, table, share=90)
