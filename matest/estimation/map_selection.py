@@ -46,6 +46,8 @@ FEWEST_IMAGES = 4
 _PRECISION = 0.02
 # A larger model has to predict by this factor better.
 _BETTER = 0.99
+# Errors that differ by less are the same to people.
+_ALIKE = 1.005
 
 
 @dataclass(frozen=True)
@@ -115,6 +117,8 @@ def _reason(trial: _Trial, best: _Trial) -> str:
         return "the smallest that predicts photographs left out as well as any"
     if trial.relative <= best.relative:
         return "larger, and hardly better"
+    if trial.relative < _ALIKE * best.relative:
+        return "predicts photographs left out no better"
     return f"photographs left out err {trial.relative / best.relative:.2f} times as much"
 
 

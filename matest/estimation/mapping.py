@@ -31,6 +31,8 @@ from matest.scene import Surface
 ALBEDO = "albedo"
 # Texels from which the parameters in common are found before all texels have their say.
 SOME_TEXELS = 2_000
+# Share of the pixels that tell a parameter, below which its mean is not reported.
+_FEW_TELL = 0.01
 # Standard deviations of a 95 % interval.
 _QUANTILE = 1.96
 
@@ -65,10 +67,17 @@ class Mapped:
         return {name: self._mean(name, each) if name in self.maps else each for name, each in parameters.items()}
 
     def _mean(self, name: str, estimate: ParameterEstimate) -> ParameterEstimate:
-        """The mean of a map, in the place of the value that was held."""
+        """The mean of a map, in the place of the value that was held; none where hardly a pixel tells its own."""
+        if self.maps[name].determined < _FEW_TELL:
+            doc = f"{estimate.doc}; no pixel tells it, so that its map has the value that describes all best"
+            return replace(estimate, value=None, std=None, interval95=None, status="not determined", doc=doc)
+        domain = self.fit.texels.problem.domain(name)
         values = self.maps[name].mean.tolist()
         stds = self.means[self.fit.texels.at(name)].tolist()
-        intervals = [[v - _QUANTILE * s, v + _QUANTILE * s] for v, s in zip(values, stds, strict=True)]
+        intervals = [
+            [max(v - _QUANTILE * s, domain.lower), min(v + _QUANTILE * s, domain.upper)]
+            for v, s in zip(values, stds, strict=True)
+        ]
         is_one = not isinstance(estimate.value, list) and len(values) == 1
         return replace(
             estimate,
@@ -168,8 +177,10 @@ def _in_common(fit: MapFit, maps: Mapping[str, ParameterMap], before: Solution) 
     blocks = tuple(block for block in problem.blocks if block.name not in maps)
     held: dict[str, Tensor] = {name: each.mean if len(each.mean) > 1 else each.mean[0] for name, each in maps.items()}
     totals = fit.totals.clone()
-    # Texels take degrees of freedom of their samples.
-    totals[SCORES.index("values")] -= fit.degrees
+    # Texels take degrees of freedom of their samples; where they take all, residuals are no measure of the fit.
+    totals[SCORES.index("values")] = fit.degrees_left or totals[SCORES.index("values")]
+    if not fit.degrees_left:
+        totals[SCORES.index("chi2")] = totals[SCORES.index("values")]
     statistics = Statistics(
         labels=torch.zeros(1, dtype=torch.int64),
         informations=fit.information[None],

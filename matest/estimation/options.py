@@ -21,6 +21,9 @@ _WIDEST = 20
 # Similarity to that name from which on a word is a slip for it: two letters exchanged have 0.75.
 _SLIP = 0.75
 
+# Most regions of maps: an object of more materials than that has as good as none.
+_MOST_REGIONS = 50
+
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
@@ -68,8 +71,8 @@ class Options:
             object.__setattr__(self, "refine", families(self.refine))
         if isinstance(self.maps, str):
             object.__setattr__(self, "maps", tuple(name for name in map(str.strip, self.maps.split(",")) if name))
-        if self.regions < 1:
-            raise InputError(f"--regions must be at least 1; got {self.regions}.")
+        if not 1 <= self.regions <= _MOST_REGIONS:
+            raise InputError(f"--regions is a number of materials from 1 to {_MOST_REGIONS}; got {self.regions}.")
         if self.regions > 1 and not self.maps:
             raise InputError(f"--regions {self.regions} says where maps share values: name the parameters with --maps.")
         if self.maps and (self.refine or self.precision):

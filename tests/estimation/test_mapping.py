@@ -50,7 +50,7 @@ def test_albedo_is_that_of_the_body_whatever_it_is_called() -> None:
     ("options", "sentence"),
     [
         ({"maps": "gloss"}, "--maps gloss: oren-nayar estimates no such parameter; name one of albedo, sigma"),
-        ({"maps": "albedo", "regions": 0}, "--regions must be at least 1"),
+        ({"maps": "albedo", "regions": 0}, "--regions is a number of materials from 1 to 50"),
         ({"regions": 2}, "--regions 2 says where maps share values: name the parameters with --maps"),
         ({"maps": "albedo", "refine": "ambient"}, "--maps and --refine do not go together"),
         ({"maps": "albedo", "precision": 0.01}, "--maps and --precision do not go together"),
@@ -79,3 +79,14 @@ def test_a_result_folder_has_the_maps(tmp_path) -> None:
     assert (tmp_path / "out" / "maps" / "albedo_std.png").is_file()
     # The material that is stored has one value: a folder can be read by other programs as before.
     assert matest.load_material(tmp_path / "out").parameters["albedo"].shape == (3,)
+
+
+def test_one_photograph_tells_albedos_but_neither_the_fit_nor_a_shape() -> None:
+    capture = capture_of(off.together(), 1)
+    estimate = matest.estimate(capture, "oren-nayar", maps="albedo,sigma", holdout=range(1, len(capture)))
+    assert estimate.fit.reduced_chi2 == pytest.approx(1)
+    assert estimate.maps["albedo"].determined > 0.5
+    assert estimate.maps["sigma"].determined < 0.01
+    sigma = estimate.parameters["sigma"]
+    assert sigma.status == "not determined"
+    assert sigma.value is None

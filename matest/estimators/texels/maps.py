@@ -30,6 +30,8 @@ from matest.samples.residual_scale import ResidualScale
 from matest.samples.texels import TexelTile, TexelTiles
 from matest.workers import in_groups, single_threaded_torch
 
+# Share of the degrees of freedom that texels must leave for residuals to tell how well the model fits.
+_LEAST_LEFT = 0.02
 # Passes over all samples: a second one where the first step of all was longer than the linear model is trusted.
 _PASSES = 3
 # Standard errors that some texels state of the parameters in common, up to which texels follow a step linearly.
@@ -88,8 +90,14 @@ class MapFit:
     @property
     def chi2(self) -> float:
         """Per degree of freedom."""
-        free = self.total("values") - self.degrees - len(self.information)
-        return self.total("chi2") / max(free, 1.0)
+        free = self.degrees_left - len(self.information)
+        return self.total("chi2") / free if free > 0 else 1.0
+
+    @property
+    def degrees_left(self) -> float:
+        """Degrees of freedom that texels leave: 0 where they take so many that residuals tell nothing of the fit."""
+        left = self.total("values") - self.degrees
+        return left if left > _LEAST_LEFT * self.total("values") else 0.0
 
     @property
     def inflation(self) -> float:
