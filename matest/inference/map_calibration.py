@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -99,8 +99,7 @@ def at_some_texels(fit: MapFit, samples: CalibratedSamples, count: int, seed: in
     tile = samples.some_texels(count, seed)
     tile = tile.some((~fit.theta[0, tile.texels].isnan()).nonzero()[:, 0])
     fitter = TexelFitter(fit.texels, fit.unknowns, fit.residual_scale)
-    here = fitter.fit(tile, fit.regions.weak_prior(len(tile)))
-    return fitter, replace(here, theta=fit.theta[:, tile.texels])
+    return fitter, fitter.at(tile, fit.theta[:, tile.texels], fit.regions.weak_prior(len(tile)))
 
 
 def _gradient(fit: MapFit, here: TileFit, change: Tensor) -> Tensor:

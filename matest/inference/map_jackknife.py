@@ -5,10 +5,8 @@ from __future__ import annotations
 import torch
 
 from matest.estimators.covariance import fisher
-from matest.estimators.texels.fit import TileFit
 from matest.estimators.texels.maps import MapFit
 from matest.estimators.texels.small_systems import Factored
-from matest.estimators.texels.sums import TexelGram, TexelNormal
 from matest.inference.budget import Budget
 from matest.inference.map_calibration import MapBudget, at_some_texels
 from matest.samples.account import CalibratedSamples
@@ -36,7 +34,7 @@ def map_jackknife(fit: MapFit, samples: CalibratedSamples, count: int, seed: int
     _, here = at_some_texels(fit, samples, count, seed)
     tile, theta = here.tile, here.theta
     size, images = len(theta), tile.images
-    by_image = _by_image(fit, here)
+    by_image = here.problem.by_image(theta, [*fit.texels.rows, *fit.texels.common])
     moves, steps = [], []
     for image in range(images):
         information = by_image.information.sum(2) - by_image.information[:, :, image]
@@ -58,13 +56,3 @@ def map_jackknife(fit: MapFit, samples: CalibratedSamples, count: int, seed: int
     means = (factor * every.double().mean(-1).square().sum(0)).sqrt()
     scatter = fit.information @ (factor * common_steps.T @ common_steps) @ fit.information
     return MapBudget(tile.texels, relative, means, Budget(fit.information, {MISFIT: scatter}))
-
-
-def _by_image(fit: MapFit, here: TileFit) -> TexelNormal:
-    """What each photograph tells of the unknowns of texels and those in common [R, R, I, n]."""
-    rows, tile, problem = [*fit.texels.rows, *fit.texels.common], here.tile, here.problem
-    columns = problem.model.columns(tile, here.theta) if problem.columns is None else problem.columns
-    at = problem.model.coefficients(here.theta.repeat(1, tile.images), {row.name for row in rows})
-    normal = TexelGram.of(columns, problem.squares, at.total, 1).normal(at, rows)
-    grid = (tile.images, len(tile))
-    return TexelNormal(*(part.unflatten(-1, grid) for part in normal))

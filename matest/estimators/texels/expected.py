@@ -96,7 +96,7 @@ class ExpectedTexels:
         regions = Regions.single(texels, self.unknowns).filled(labels, fit.theta, std, values)
         bend = torch.zeros(len(texels.common), dtype=torch.float64)
         fit, own, counted, elimination = shared(fitter, fit, Knowledge(regions, 1.0, limit, bend))
-        is_shape = torch.tensor([row.name in texels.shapes for row in texels.rows])[:, None]
+        is_shape = texels.is_shape[:, None]
         # Of anything but a shape: with the shapes known that are shared, but nothing known of itself.
         beside = replace(fit, prior=regions.prior(labels, own | ~is_shape))
         variance = torch.where(is_shape, alone, Elimination.of(fitter, beside).variance)
@@ -134,8 +134,7 @@ class _AtSolution(TexelFitter):
         """The solution, and what else would describe the samples nearly as well."""
         theta = self.texels.spread(self.unknowns, len(tile)).to(tile.radiance)
         prior = Regions.single(self.texels, self.unknowns).weak_prior(len(tile))
-        keeps = self._model.separates or not self.texels.shapes
-        columns = self._model.columns(tile, theta) if keeps else None
+        columns = self._model.columns(tile, theta) if self._keeps_columns else None
         first = TexelProblem(tile, self._model, tile.about(tile.radiance), columns)
         problem = TexelProblem.of(first, first.squares, theta)
         if not self.texels.shapes:

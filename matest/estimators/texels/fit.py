@@ -10,8 +10,9 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from matest.estimators.columns import Columns
 from matest.estimators.search import shape_nodes
-from matest.estimators.texels.models import TexelModel, radiance, texel_model
+from matest.estimators.texels.models import ShadedTexels, TexelModel, radiance, texel_model
 from matest.estimators.texels.problem import TexelPrior, TexelProblem
 from matest.estimators.texels.small_systems import Factored
 from matest.estimators.texels.sums import TexelGram, TexelNormal
@@ -107,13 +108,8 @@ class TexelFitter:
 
     def fit(self, tile: TexelTile, prior: TexelPrior) -> TileFit:
         """The optimum of every texel, found from nothing but the parameters in common."""
-        theta = self.texels.spread(self.unknowns, len(tile)).to(tile.radiance)
-        columns = self._model.columns(tile, theta)
-        reference = radiance(columns, self._model.coefficients(theta), tile.images)
-        ratios = tile.ratios(reference)
-        reference = reference * ratios.T.repeat(tile.images, 1)
-        theta = self._brightened(theta, ratios)
-        kept = columns if self._model.separates or not self.texels.shapes else None
+        theta, columns, reference = self._brightened(tile)
+        kept = columns if self._keeps_columns else None
         if not self.texels.shapes:
             start = TexelProblem(tile, self._model, tile.about(reference, self._residual_scale), kept)
             problem = TexelProblem.of(start, start.squares, theta)
@@ -128,13 +124,22 @@ class TexelFitter:
         trials = Trials(torch.cat([nodes.theta, ends.theta]), torch.cat([nodes.cost, ends.cost]) - lowest)
         return self.refined(TileFit(problem, theta, prior, trials))
 
-    def _brightened(self, theta: Tensor, ratios: Tensor) -> Tensor:
-        """θ with amplitudes that give so much more radiance in each channel [C, n]."""
-        theta = theta.clone()
+    @property
+    def _keeps_columns(self) -> bool:
+        """Whether the columns over a tile are the same for all θ."""
+        return self._model.separates or not self.texels.shapes
+
+    def _brightened(self, tile: TexelTile) -> tuple[Tensor, Columns, Tensor]:
+        """θ [T, n] with shapes in common and amplitudes as bright as the samples, columns and radiance there."""
+        theta = self.texels.spread(self.unknowns, len(tile)).to(tile.radiance)
+        columns = self._model.columns(tile, theta)
+        reference = radiance(columns, self._model.coefficients(theta), tile.images)
+        ratios = tile.ratios(reference)
         for k, row in enumerate(self.texels.rows):
             if row.name not in self.texels.shapes:
                 theta[k] *= ratios.mean(0) if row.channel is None else ratios[row.channel]
-        return theta.clamp(self._lower, self._upper)
+        theta = theta.clamp(self._lower, self._upper)
+        return theta, columns, reference * ratios.T.repeat(tile.images, 1)
 
     def _climbed(self, problem: TexelProblem, theta: Tensor, prior: TexelPrior) -> Tensor:
         """The optimum near θ where all unknowns are amplitudes: products of two of them need more than one step."""
@@ -146,21 +151,23 @@ class TexelFitter:
 
     def cost(self, tile: TexelTile, squares: LeastSquares | None, prior: TexelPrior) -> tuple[float, LeastSquares]:
         """The cost of a tile where texels have the best amplitudes; squares that are not given are a first guess."""
-        theta = self.texels.spread(self.unknowns, len(tile)).to(tile.radiance)
-        columns = self._model.columns(tile, theta)
-        reference = radiance(columns, self._model.coefficients(theta), tile.images)
-        ratios = tile.ratios(reference)
+        theta, columns, reference = self._brightened(tile)
         if squares is None:
-            squares = tile.first_guess(reference * ratios.T.repeat(tile.images, 1))
-        theta = self._brightened(theta, ratios)
+            squares = tile.first_guess(reference)
         problem = TexelProblem.of(TexelProblem(tile, self._model, squares, columns), squares, theta)
         theta = self._climbed(problem, theta, prior)
         return float(problem.normal(theta, ()).cost.sum()), squares
 
+    def at(self, tile: TexelTile, theta: Tensor, prior: TexelPrior) -> TileFit:
+        """A solution that is known, θ [T, n], the likelihood being expanded there."""
+        columns = self._model.columns(tile, theta) if self._keeps_columns else None
+        near = TexelProblem(tile, self._model, tile.about(tile.radiance), columns)
+        squares = tile.about(near.radiance(theta), self._residual_scale)
+        return TileFit(TexelProblem.of(near, squares, theta), theta, prior)
+
     def moved(self, start: TileFit, theta: Tensor) -> TileFit:
         """The optimum near θ [T, n], which is that of other parameters in common."""
-        keeps = self._model.separates or not self.texels.shapes
-        columns = self._model.columns(start.tile, theta) if keeps else None
+        columns = self._model.columns(start.tile, theta) if self._keeps_columns else None
         problem = TexelProblem(start.tile, self._model, start.problem.squares, columns)
         return self.refined(replace(start, problem=problem, theta=theta))
 
@@ -209,7 +216,8 @@ class TexelFitter:
 
     def _node_sums(self, problem: TexelProblem, theta: Tensor) -> Iterator[TexelGram]:
         """The sums of the columns at every node."""
-        if problem.sums is not None:
+        if not isinstance(self._model, ShadedTexels):
+            assert problem.sums is not None
             yield from itertools.repeat(problem.sums, len(self._nodes))
             return
         reference = self._model.coefficients(theta).total

@@ -243,7 +243,7 @@ def shared(fitter: TexelFitter, fit: TileFit, known: Knowledge) -> SharedFit:
     limits = regions.limits(labels)
     own, counted = torch.ones_like(fit.theta, dtype=torch.bool), None
     elimination = Elimination.of(fitter, fit)
-    is_shape = torch.tensor([row.name in texels.shapes for row in texels.rows])
+    is_shape = texels.is_shape
     for some in (is_shape, ~is_shape):
         if not bool(some.any()):
             continue

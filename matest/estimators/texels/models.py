@@ -39,9 +39,6 @@ class TexelModel(Protocol):
     def columns(self, tile: TexelTile, theta: Tensor) -> Columns:
         """Its columns over a tile at θ [T, n]."""
 
-    def node_columns(self, tile: TexelTile, nodes: Sequence[Node]) -> Iterator[Columns]:
-        """The first columns, those with a radiance, where the mapped shapes are those of each node."""
-
     def coefficients(self, theta: Tensor, names: Collection[str] = ()) -> Coefficients:
         """The coefficients of the columns at θ [T, n], and their slopes by some parameters."""
 
@@ -71,12 +68,6 @@ class SeparatedTexels:
     def columns(self, tile: TexelTile, theta: Tensor) -> Columns:  # noqa: ARG002
         """See `TexelModel`."""
         return self._basis.columns(Tile(tile.batch))
-
-    def node_columns(self, tile: TexelTile, nodes: Sequence[Node]) -> Iterator[Columns]:
-        """See `TexelModel`."""
-        columns = self._basis.columns(Tile(tile.batch))
-        for _ in nodes:
-            yield columns
 
     def coefficients(self, theta: Tensor, names: Collection[str] = ()) -> Coefficients:
         """See `TexelModel`."""
@@ -144,7 +135,7 @@ class ShadedTexels:
         return self._basis.of_samples(own | ties).columns(Tile(tile.batch))
 
     def node_columns(self, tile: TexelTile, nodes: Sequence[Node]) -> Iterator[Columns]:
-        """See `TexelModel`."""
+        """The first columns, those with a radiance, where the mapped shapes are those of each node."""
         batch = tile.in_a_row
         together = max(_EVALUATED_TOGETHER // max(len(batch) * batch.points.wi.shape[-2], 1), 1)
         for first in range(0, len(nodes), together):

@@ -75,10 +75,20 @@ class TexelProblem:
         columns = self.model.columns(self.tile, theta)
         return TexelGram.of(columns, self.squares, at.total, self.tile.images).normal(at, rows)
 
+    def by_image(self, theta: Tensor, rows: Sequence[Row]) -> TexelNormal:
+        """What the samples of each photograph tell of some unknowns [..., I, n]."""
+        images = self.tile.images
+        at = self.model.coefficients(theta.repeat(1, images), {row.name for row in rows})
+        normal = TexelGram.of(self._columns_at(theta), self.squares, at.total, 1).normal(at, rows)
+        return TexelNormal(*(part.unflatten(-1, (images, -1)) for part in normal))
+
     def radiance(self, theta: Tensor) -> Tensor:
         """Of the samples [I·n, C]."""
-        columns = self.model.columns(self.tile, theta) if self.columns is None else self.columns
-        return radiance(columns, self.model.coefficients(theta), self.tile.images)
+        return radiance(self._columns_at(theta), self.model.coefficients(theta), self.tile.images)
+
+    def _columns_at(self, theta: Tensor) -> Columns:
+        """The columns at θ, which may be the same everywhere."""
+        return self.model.columns(self.tile, theta) if self.columns is None else self.columns
 
     def some(self, places: Tensor) -> TexelProblem:
         """That of some of the texels; where the model separates, of its sums alone."""

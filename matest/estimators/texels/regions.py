@@ -48,7 +48,7 @@ class Regions:
     def single(cls, texels: TexelUnknowns, unknowns: Tensor) -> Regions:
         """One region of the values in common, nothing being known of the scatter about them."""
         values = unknowns[texels.places, None]
-        return cls(texels, np.zeros((1, 0)), values, texels.width(unknowns))
+        return cls(texels, np.zeros((1, 0)), values, texels.width(values))
 
     @classmethod
     def of(cls, texels: TexelUnknowns, theta: Tensor, count: int, seed: int) -> Regions:
@@ -110,7 +110,7 @@ class Regions:
     @property
     def _unknown(self) -> Tensor:
         """A scatter that stands for none that is known [T, 1]."""
-        return self.texels.width(_placed(self.texels, self.values[:, :1]))
+        return self.texels.width(self.values[:, :1])
 
     def weak_prior(self, texels: int) -> TexelPrior:
         """Priors of so many texels that say next to nothing: that values lie inside their domain."""
@@ -122,13 +122,6 @@ class Regions:
         mean, spread = self.values[:, labels], self.spreads[:, labels]
         width = self._unknown.expand_as(mean)
         return TexelPrior(mean.float(), torch.where(own, width, spread).pow(-2).float())
-
-
-def _placed(texels: TexelUnknowns, values: Tensor) -> Tensor:
-    """u with the values [T, 1] of a region at their places."""
-    unknowns = texels.problem.anywhere.clone()
-    unknowns[texels.places] = values[:, 0]
-    return unknowns
 
 
 def _features(texels: TexelUnknowns, theta: Tensor) -> np.ndarray:

@@ -57,7 +57,7 @@ def started(texels: TexelUnknowns, unknowns: Tensor, tile: TexelTile) -> Tensor:
     """
     problem = texels.problem
     names = [name for name in problem.shapes if name not in texels.mapped]
-    if not names or texels.shapes or not texels.mapped:
+    if not names or not texels.mapped:
         return unknowns
     some = tile.some(torch.arange(min(len(tile), _STARTERS)))
     prior = Regions.single(texels, unknowns).weak_prior(len(some))

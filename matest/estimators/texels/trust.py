@@ -11,7 +11,6 @@ from matest.estimators.moments import SCORES, score_sums
 from matest.estimators.texels.elimination import Elimination
 from matest.estimators.texels.fit import TexelFitter, TileFit
 from matest.estimators.texels.small_systems import Factored
-from matest.estimators.texels.sums import TexelGram
 from matest.samples.likelihood import LeastSquares
 from matest.samples.texels import TexelTile
 
@@ -48,7 +47,7 @@ class Reliable:
     ) -> Reliable:
         """Those whose shapes are known to `limit`; None: one that a quarter of the texels meets, if not more."""
         std = (inflation * elimination.variance).sqrt()
-        is_shape = torch.tensor([row.name in fitter.texels.shapes for row in fitter.texels.rows])
+        is_shape = fitter.texels.is_shape
         relative = (std[is_shape] / fit.theta[is_shape].abs().clamp(min=_TINY)).amax(0)
         if limit is None:
             limit = max(_WELL_KNOWN, float(relative.quantile(_RELIABLE_SHARE)))
@@ -65,15 +64,12 @@ def ambiguous(fit: TileFit, std: Tensor, inflation: float) -> Tensor:
 
 def least_information(fitter: TexelFitter, fit: TileFit) -> Tensor:
     """Variances of θ without the photograph that tells most of it, in units of the noise [T, n]."""
-    rows, tile, problem = fitter.texels.rows, fit.tile, fit.problem
-    columns = problem.model.columns(tile, fit.theta) if problem.columns is None else problem.columns
-    at = problem.model.coefficients(fit.theta.repeat(1, tile.images), {row.name for row in rows})
-    by_image = TexelGram.of(columns, problem.squares, at.total, 1).normal(at, rows).information
-    by_image = by_image.unflatten(-1, (tile.images, -1))
+    images = fit.tile.images
+    by_image = fit.problem.by_image(fit.theta, fitter.texels.rows).information
     rest = by_image.sum(2, keepdim=True) - by_image
-    rest.diagonal()[:] += fit.prior.precision.permute(1, 0).unsqueeze(0).expand(tile.images, -1, -1)
+    rest.diagonal()[:] += fit.prior.precision.permute(1, 0).unsqueeze(0).expand(images, -1, -1)
     variances = Factored.of(rest.flatten(2)).inverse().diagonal().T
-    return variances.unflatten(-1, (tile.images, -1)).amax(1)
+    return variances.unflatten(-1, (images, -1)).amax(1)
 
 
 def variance_among_trials(fit: TileFit, inflation: float) -> Tensor:

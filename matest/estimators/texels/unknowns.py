@@ -60,6 +60,11 @@ class TexelUnknowns:
         return tuple(name for name in self.mapped if name in self.problem.shapes)
 
     @cached_property
+    def is_shape(self) -> Tensor:
+        """Which unknowns of θ shape the reflectance [T]."""
+        return torch.tensor([row.name in self.shapes for row in self.rows])
+
+    @cached_property
     def places(self) -> Tensor:
         """Of θ in u [T]."""
         return torch.tensor([row.place for row in self.rows], dtype=torch.int64)
@@ -88,10 +93,10 @@ class TexelUnknowns:
         numbers = [k for k, row in enumerate(self.rows) if row.name == name]
         return slice(numbers[0], numbers[-1] + 1)
 
-    def width(self, unknowns: Tensor) -> Tensor:
-        """How far values of θ may reasonably lie apart [T, 1]: the domain, or ten times the value in common."""
+    def width(self, values: Tensor) -> Tensor:
+        """How far θ may reasonably lie apart [T, 1]: the domain, or ten times some values in common [T, 1]."""
         span = self.upper - self.lower
-        return torch.where(span.isfinite(), span, 10 * unknowns[self.places, None].abs().clamp(min=1e-3))
+        return torch.where(span.isfinite(), span, 10 * values.abs().clamp(min=1e-3))
 
     def spread(self, unknowns: Tensor, texels: int) -> Tensor:
         """θ [T, n] with the values in common."""
