@@ -24,8 +24,10 @@ _UsageError: Any = typer.BadParameter.__base__
 _INTERRUPTED = 130
 # Variable of the environment that asks for the place of faults of our own.
 _DEBUG = "MATEST_DEBUG"
-# Numbers of standard output and error.
-_OUTPUT, _ERRORS = 1, 2
+# Number of standard output.
+_OUTPUT = 1
+# Number of standard error.
+_ERRORS = 2
 # Signals that ask to end: by a scheduler or the system, and when a terminal goes.
 _ENDS = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
 

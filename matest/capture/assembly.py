@@ -29,10 +29,10 @@ from matest.scene.surface import Surface
 SATURATION = 0.98
 # Smallest saturation that is suggested, fraction of full scale: cameras that fill their codes clip above it.
 _LOWEST_SATURATION = 0.5
-
-
-# Largest noise and black level of integer images, fractions of full scale: codes lie above.
-_MOST_NOISE, _MOST_BLACK = 0.1, 0.5
+# Largest noise of integer images, fraction of full scale: codes lie above.
+_MOST_NOISE = 0.1
+# The same of the black level.
+_MOST_BLACK = 0.5
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,10 @@ _SHARED_EDGES = 0.01
 _WITHOUT_TEXELS = 0.01
 # How far texture coordinates may lie outside the square, which files round.
 _OUTSIDE = 1e-4
-# Texels between the charts of an unwrapped mesh at a resolution of so many.
-_GAP, _UNWRAP_RESOLUTION = 8, 1024
+# Texels along a side at which a mesh is unwrapped.
+_UNWRAP_RESOLUTION = 1024
+# Texels between charts there.
+_GAP = 8
 # Texels a side at which texture coordinates are judged.
 _JUDGED = 512
 # Share of a texel by which rays pass its centre, which may lie on an edge between faces.

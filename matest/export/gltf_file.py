@@ -13,8 +13,12 @@ from matest.export.atlas import Atlas
 
 # Facets of the sphere that shows a material without textures, from pole to pole and around.
 _SPHERE = (32, 64)
-# Numbers of WebGL for what looks up in images: linearly, over levels of detail too, and not beyond the edge.
-_LINEAR, _LINEAR_LEVELS, _CLAMPED = 9729, 9987, 33071
+# WebGL's number for a linear look-up in images.
+_LINEAR = 9729
+# The same over levels of detail too.
+_LINEAR_LEVELS = 9987
+# Its number for none beyond the edge.
+_CLAMPED = 33071
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,8 +26,10 @@ from matest.photographs.photometry import Encoding, srgb
 _STEPS = 17
 # Pairs of directions that a base colour is fitted to.
 _PAIRS = 2_500
-# Texels whose error is measured, and pairs of directions of each.
-_JUDGED, _JUDGED_PAIRS = 16, 5_000
+# Texels whose error is measured.
+_JUDGED = 16
+# Pairs of directions of each.
+_JUDGED_PAIRS = 5_000
 _SRGB = Encoding("srgb")
 # f [n, 3] of values at directions.
 Reflectance = Callable[[Values, Directions], Tensor]

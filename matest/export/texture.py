@@ -22,16 +22,18 @@ GUTTER = 4
 _BESIDE = 3.0
 # Smallest cosine of the angle between surface and viewer by which a width on the surface is reckoned.
 _GRAZING = 0.1
-# Weight of a pixel on the rim, which may mix two surfaces, and of one whose value is that of its region, beside others:
-# they count where no other pixel does.
-_RIM_WEIGHT, _SHARED_WEIGHT = 1e-3, 1e-6
+# Weight of a pixel on the rim, which may mix two surfaces, beside others: it counts where no other pixel does.
+_RIM_WEIGHT = 1e-3
+# The same of one whose value is that of its region.
+_SHARED_WEIGHT = 1e-6
 # Weight from which a view meets others, rather than fills in where they show nothing.
 _MEETS = 0.5
 # χ² per degree of freedom above which views that differ raise the standard error.
 _DIFFERENT = 4.0
-# Smallest and largest standard error that weighs a value, relative to the largest value: maps of exact photographs have
-# none, and of what they do not tell an infinite one.
-_EXACT, _UNKNOWN = 1e-6, 1e3
+# Smallest standard error that weighs a value, relative to the largest value: maps of exact photographs have none.
+_EXACT = 1e-6
+# Largest one: maps of what photographs do not tell have an infinite one.
+_UNKNOWN = 1e3
 # In place of infinity, so that shares of it can be added.
 _INFINITE = 1e100
 # Distance of a ray's origin from its facet, share of the mesh's extent: rays then miss the facet itself.

@@ -8,17 +8,23 @@ import numpy as np
 
 # Longest side of the picture in which a circle is looked for, pixels: texture and scratches are gone there.
 _SEARCHED = 300
-# Edges of it: the higher threshold of Canny's, in 255 steps, and how perfect a circle must be (1: perfect).
-_EDGE, _PERFECT = 60, 0.6
-# Radius of a circle as a share of the picture's shorter side.
-_SMALLEST, _LARGEST = 0.06, 1.0
+# Higher threshold of Canny's edges, in 255 steps.
+_EDGE = 60
+# How perfect a circle of them must be; 1: perfect.
+_PERFECT = 0.6
+# Smallest radius of a circle as a share of the picture's shorter side.
+_SMALLEST = 0.06
+# Largest one.
+_LARGEST = 1.0
 # Directions from the centre along which the edge is looked for, and how far from the first circle, as a share of it.
 _DIRECTIONS = 360
 _REACH = 0.08
 # Standard deviation of the smoothing before the derivative along them, pixels.
 _SMOOTHING = 1.5
-# Largest distance of a point of the edge from the circle, pixels and shares of the radius.
-_STRAY_PIXELS, _STRAY_SHARE = 1.5, 0.01
+# Largest distance of a point of the edge from the circle, pixels.
+_STRAY_PIXELS = 1.5
+# The same as a share of the radius: the larger counts.
+_STRAY_SHARE = 0.01
 # Share of the directions in which the edge must lie on the circle.
 _COMPLETE = 0.5
 # Circles through three points that are tried.

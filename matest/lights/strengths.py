@@ -46,8 +46,10 @@ _DIM = 0.2
 _HUBER = 1.345
 # Rounds of weights and roughness, after which they no longer change by what matters.
 _ROUNDS = 2
-# Cells of the sphere that errors are had from by leaving each out: sectors times rings.
-_SECTORS, _RINGS = 6, 3
+# Sectors of the sphere: errors are had from leaving out each of their cells.
+_SECTORS = 6
+# Rings that cut them into cells.
+_RINGS = 3
 # Misfit from which on the sphere is not as matte as is assumed here.
 _GLOSSY = 0.1
 # Least power, so that its logarithm is finite.

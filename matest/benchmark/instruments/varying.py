@@ -48,7 +48,10 @@ class Kind:
         return list(self.ranges)[-1]
 
 
-_ALBEDO, _SLOPE, _SIGMA = (0.1, 0.7), (0.08, 0.35), (0.15, 0.7)
+_ALBEDO = (0.1, 0.7)
+_SLOPE = (0.08, 0.35)
+# rad.
+_SIGMA = (0.15, 0.7)
 KINDS = {
     "cook-torrance": Kind(
         "cook-torrance", {"diffuse": _ALBEDO, "slope": _SLOPE}, {"specular": [0.9] * _CHANNELS}, {"f0": 0.04}

@@ -16,11 +16,15 @@ from matest.capture.formats.text import lines_of, rows_of
 from matest.capture.schema import CaptureFile, EncodingTable, ImageTable, LightTable
 from matest.errors import InputError
 
-_NAMES, _DIRECTIONS, _INTENSITIES = "filenames.txt", "light_directions.txt", "light_intensities.txt"
+_NAMES = "filenames.txt"
+_DIRECTIONS = "light_directions.txt"
+_INTENSITIES = "light_intensities.txt"
 # Folders of DiLiGenT-MV, one a view.
 _VIEWS = "view_*"
-# Byte of a PNG that holds the bits of a channel, and the signature that makes it one.
-_BITS_OF_PNG, _PNG = 24, b"\x89PNG"
+# The first bytes of a PNG.
+_PNG = b"\x89PNG"
+# Its byte that holds the bits of a channel.
+_BITS_OF_PNG = 24
 
 
 def _find(path: Path) -> tuple[Path, ...]:
