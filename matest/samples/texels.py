@@ -76,31 +76,24 @@ class TexelTile:
 
     def some(self, places: Tensor) -> TexelTile:
         """Some of the texels, by their places in this tile, int64 [m]."""
-        rows, points = self.rows_of(places), self.points
-
-        def at(part: Tensor) -> Tensor:
-            return part if part.shape[1] == 1 else part.index_select(1, places)
-
-        ambient = None if points.ambient is None else at(points.ambient)
-        return TexelTile(
-            self.texels[places],
-            Points(at(points.wi), at(points.wo), at(points.irradiance), ambient),
-            self.radiance.T[:, rows].T,
-            self.noise[rows],
-            self.usable[rows],
-        )
+        return self._taken(self.texels[places], self.rows_of(places), 1, places)
 
     def of_images(self, images: Sequence[int]) -> TexelTile:
         """The same texels in some of the images, by their places."""
-        places, points = list(images), self.points
+        places = torch.tensor(list(images), dtype=torch.int64)
+        rows = (places[:, None] * len(self) + torch.arange(len(self))).flatten()
+        return self._taken(self.texels, rows, 0, places)
+
+    def _taken(self, texels: Tensor, rows: Tensor, axis: int, places: Tensor) -> TexelTile:
+        """Samples at some rows [m], which lie at some places along an axis of the grid of points."""
 
         def at(part: Tensor) -> Tensor:
-            return part if part.shape[0] == 1 else part[places]
+            return part if part.shape[axis] == 1 else part.index_select(axis, places)
 
-        rows = torch.arange(len(self.radiance)).unflatten(0, (self.images, -1))[places].flatten()
+        points = self.points
         ambient = None if points.ambient is None else at(points.ambient)
         return TexelTile(
-            self.texels,
+            texels,
             Points(at(points.wi), at(points.wo), at(points.irradiance), ambient),
             self.radiance.T[:, rows].T,
             self.noise[rows],
