@@ -6,16 +6,13 @@ from typing import Any
 
 import torch
 
+from matest.benchmark.suites.export import FOAM, GLOSS, METAL, PAPER, SMITH_GLOSS
 from matest.brdf import CookTorrance, Eon, Fujii, Lambert, LiTorrance, OrenNayar, OrenNayarQualitative, preset
 from matest.brdf.base import Brdf
 
-_GOLD: dict[str, Any] = {"fresnel": "conductor", "eta": [0.2, 0.4, 1.4], "k": [3.1, 2.3, 1.8]}
+__all__ = ["FOAM", "GLOSS", "METAL", "NATIVE", "PAPER", "PLUGGED", "SMITH_GLOSS", "even_pairs"]
 
-GLOSS = CookTorrance([0.4, 0.3, 0.2], [0.9, 0.8, 0.7], 0.15)
-SMITH_GLOSS = CookTorrance([0.4, 0.3, 0.2], [0.9, 0.8, 0.7], 0.15, masking="smith")
-METAL = CookTorrance(0.0, 1.0, 0.15, masking="smith", **_GOLD)
-FOAM = preset("foam")
-PAPER = preset("laser-paper")
+_GOLD: dict[str, Any] = {"fresnel": "conductor", "eta": [0.2, 0.4, 1.4], "k": [3.1, 2.3, 1.8]}
 
 # What Mitsuba has itself.
 NATIVE: dict[str, Brdf] = {
