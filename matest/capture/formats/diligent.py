@@ -66,11 +66,14 @@ def _read(files: tuple[Path, ...]) -> Content:
         for number, (x, y, z) in enumerate(directions)
     ]
     return Content(
-        tables=CaptureFile(
-            geometry=geometry,
-            mask=None if mask is None else mask.name,
-            encoding=EncodingTable(transfer="linear" if linear else None, radiometry="relative"),
-            image=[ImageTable(file=name, lights=[light]) for name, light in zip(names, lights, strict=True)],
+        tables=folder.with_view(
+            CaptureFile(
+                geometry=geometry,
+                mask=None if mask is None else mask.name,
+                encoding=EncodingTable(transfer="linear" if linear else None, radiometry="relative"),
+                image=[ImageTable(file=name, lights=[light]) for name, light in zip(names, lights, strict=True)],
+            ),
+            place,
         ),
         axes="x right, y up, z toward the viewer",
         assumptions=tuple(assumptions),

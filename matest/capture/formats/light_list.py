@@ -67,12 +67,15 @@ def _read(files: tuple[Path, ...]) -> Content:
     assumptions = ["all lights are distant and equally strong"]
     if tables.geometry.shape is not None:
         assumptions.append("the mask is the outline of a sphere")
+    judged = tables.geometry.mesh is None
+    if not judged:
+        assumptions.append("y of the list is up, which the photographs do not decide beside a mesh")
     return Content(
-        tables=tables,
+        tables=folder.with_view(tables, file.parent),
         axes="x right, y up, z toward the viewer",
         assumptions=tuple(assumptions),
         notes=tuple(_notes(lights, images)),
-        open_causes=("lights y down",),
+        open_causes=("lights y down",) if judged else (),
     )
 
 
