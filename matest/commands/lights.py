@@ -76,6 +76,15 @@ def lights(
             "--diffuse-circle", metavar="X,Y,R", help="Circle of the matte sphere, pixels.", show_default=False
         ),
     ] = None,
+    against: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="LIST",
+            help="Another list of the same lights (.lp, light_directions.txt, capture.toml): how far it is from those "
+            "found.",
+            show_default=False,
+        ),
+    ] = None,
     transfer: arguments.Transfer = None,
     as_json: arguments.Json = False,
 ) -> None:
@@ -87,7 +96,9 @@ def lights(
     """
     import numpy as np
 
+    from matest.capture.listed_lights import load_listed_lights
     from matest.capture.mirrors import load_mirror
+    from matest.lights.comparison import compare
     from matest.lights.files import check_tables, write_capture_tables, write_light_list
     from matest.lights.lights import find_lights
     from matest.lights.position import Placement
@@ -113,6 +124,7 @@ def lights(
     if diffuse is not None:
         stated = [arguments.circle(diffuse_circle)] if diffuse_circle else []
         matte = load_mirror(diffuse, stated, transfer=arguments.encoding(transfer), fov_y=fov_y)
+    listed = None if against is None else load_listed_lights(against)
     placement = None
     if radius is not None:
         centres = np.array([arguments.centre(text) for text in centre]) if centre else None
@@ -120,17 +132,18 @@ def lights(
         placement.check([sphere for mirror in mirrors for sphere in mirror.spheres])
     read = mirrors if matte is None else [*mirrors, matte]
     files = [file for mirror in read for file in (*mirror.files, mirror.folder / "capture.toml")]
-    keep_inputs((out, tables), files)
+    keep_inputs((out, tables), [*files, *([] if listed is None else [listed.file])])
     check_tables(tables)
     if out.exists() and not tables.exists():
         raise InputError(f"{out}: exists, and is not from an earlier run, which has tables beside it; give another -o.")
     with progress(", ".join(map(str, captures))) as say:
         found = find_lights(mirrors, placement, say)
+        comparison = None if listed is None else compare(found, listed)
         strengths = None if matte is None else measure(found, matte, placement, say)
     with whole_files(out.absolute().parent, out.name) as folder:
         write_capture_tables(found, folder / tables.name, strengths)
         write_light_list(found, folder / out.name)
     if as_json:
-        print_json({**lights_record(found, mirrors, strengths), "files": [str(out), str(tables)]})
+        print_json({**lights_record(found, mirrors, strengths, comparison), "files": [str(out), str(tables)]})
         return
-    console().print(lights_report(found, mirrors, strengths), f"Written to {out} and {tables}")
+    console().print(lights_report(found, mirrors, strengths, comparison), f"Written to {out} and {tables}")

@@ -11,6 +11,7 @@ from rich.console import Group
 from rich.table import Column, Table
 from rich.text import Text
 
+from matest.lights.comparison import Comparison
 from matest.lights.extent import Extent
 from matest.lights.lights import Light, Lights
 from matest.lights.mirror import Mirror
@@ -18,11 +19,18 @@ from matest.lights.strengths import Strengths
 from matest.report.format import measured
 from matest.report.tables import plain_table
 
+# Photographs with another light of a list that a sentence names, at most.
+_PAIRS = 3
 # What strengths are called, by the number of channels.
 _CHANNELS = {1: ("strength",), 3: ("strength: red", "green", "blue")}
 
 
-def lights_report(lights: Lights, mirrors: Sequence[Mirror], strengths: Strengths | None = None) -> Group:
+def lights_report(
+    lights: Lights,
+    mirrors: Sequence[Mirror],
+    strengths: Strengths | None = None,
+    comparison: Comparison | None = None,
+) -> Group:
     """The spheres, the light of every photograph, and what to know of them."""
     several = any(light.apart is not None for light in lights.lights)
     near = any(light.position is not None for light in lights.lights)
@@ -45,11 +53,17 @@ def lights_report(lights: Lights, mirrors: Sequence[Mirror], strengths: Strength
         table,
         _strengths(lights, strengths),
         Text(f"Uncertainty: {stated}."),
+        *([] if comparison is None else _against(lights, comparison)),
         *(Text(f"Note: {note}", style="yellow") for note in notes),
     )
 
 
-def lights_record(lights: Lights, mirrors: Sequence[Mirror], strengths: Strengths | None = None) -> dict[str, Any]:
+def lights_record(
+    lights: Lights,
+    mirrors: Sequence[Mirror],
+    strengths: Strengths | None = None,
+    comparison: Comparison | None = None,
+) -> dict[str, Any]:
     """The same as plain values for JSON; angles in rad."""
     uncertainty, notes, matte = dict(lights.uncertainty), list(lights.notes), None
     records = [_record(light) for light in lights.lights]
@@ -73,8 +87,43 @@ def lights_record(lights: Lights, mirrors: Sequence[Mirror], strengths: Strength
         "matte": matte,
         "lights": records,
         "uncertainty": uncertainty,
+        "against": None if comparison is None else _compared(comparison),
         "notes": notes,
     }
+
+
+def _compared(comparison: Comparison) -> dict[str, Any]:
+    """How far a list is from the lights, in rad."""
+    return {
+        "file": str(comparison.listed.file),
+        "by_name": comparison.by_name,
+        "angles": comparison.angles.tolist(),
+        "median": float(np.median(comparison.angles)),
+        "worst": float(comparison.angles.max()),
+        "order": comparison.order.tolist(),
+        "median_in_that_order": float(np.median(comparison.reordered)),
+    }
+
+
+def _against(lights: Lights, comparison: Comparison) -> list[Table | Text]:
+    """The list beside what was found: a table, and what it comes to."""
+    names = [light.name for light in lights.lights]
+    table = plain_table(Column("image"), "direction in the list", Column("off by", justify="right", no_wrap=True))
+    for name, direction, angle in zip(names, comparison.directions, comparison.angles.tolist(), strict=True):
+        table.add_row(name, "  ".join(f"{number:7.4f}" for number in direction), _degrees(angle))
+    worst = names[int(comparison.angles.argmax())]
+    sentence = (
+        f"Against {comparison.listed.file}, paired by {'name' if comparison.by_name else 'order'}: median "
+        f"{_degrees(float(np.median(comparison.angles)))}, worst {_degrees(float(comparison.angles.max()))} ({worst})."
+    )
+    moved = comparison.moved
+    if not len(moved):
+        return [table, Text(f"{sentence} In no other order does the list fit better.")]
+    pairs = ", ".join(f"{names[k]} the light of {names[comparison.order[k]]}" for k in moved[:_PAIRS])
+    more = f" and {len(moved) - _PAIRS} more" if len(moved) > _PAIRS else ""
+    median = _degrees(float(np.median(comparison.reordered)))
+    note = f"Note: in another order the list fits better, median {median}: {pairs}{more}."
+    return [table, Text(sentence), Text(note, style="yellow")]
 
 
 def _record(light: Light) -> dict[str, Any]:
