@@ -47,7 +47,7 @@ def lights_report(
     notes = [*lights.notes, *_bounds(lights)]
     if strengths is not None:
         stated += f", intensity = {strengths.uncertainty:.2g} (relative)"
-        notes += strengths.notes
+        notes = [*notes, *_white(strengths), *strengths.notes]
     return Group(
         *(Text(line) for line in _spheres(mirrors)),
         table,
@@ -65,12 +65,16 @@ def lights_record(
     comparison: Comparison | None = None,
 ) -> dict[str, Any]:
     """The same as plain values for JSON; angles in rad."""
-    uncertainty, notes, matte = dict(lights.uncertainty), list(lights.notes), None
+    uncertainty, notes, matte, white = dict(lights.uncertainty), list(lights.notes), None, None
     records = [_record(light) for light in lights.lights]
     if strengths is not None:
         uncertainty["intensity"] = strengths.uncertainty
         notes += strengths.notes
-        matte = {"sigma": strengths.sigma, "misfit": strengths.misfit}
+        if strengths.normal is None:
+            matte = {"sigma": strengths.sigma, "misfit": strengths.misfit}
+        else:
+            normal, std = strengths.normal.tolist(), strengths.normal_std
+            white = {"normal": normal, "normal_std": std, "misfit": strengths.misfit}
         for record, power, std in zip(records, strengths.power.tolist(), strengths.std.tolist(), strict=True):
             record |= {"power": power, "power_relative_std": std}
     return {
@@ -85,11 +89,23 @@ def lights_record(
             for sphere in mirror.spheres
         ],
         "matte": matte,
+        "white": white,
         "lights": records,
         "uncertainty": uncertainty,
         "against": None if comparison is None else _compared(comparison),
         "notes": notes,
     }
+
+
+def _white(strengths: Strengths) -> list[str]:
+    """How a flat target lay, where that was estimated."""
+    if strengths.normal is None or strengths.normal_std is None:
+        return []
+    normal = ", ".join(f"{number:.4f}" for number in strengths.normal)
+    return [
+        f"the white target faces {normal} ± {_degrees(strengths.normal_std)}, by lights that differ as little as "
+        "possible; with --white-normal the strengths do not rest on that."
+    ]
 
 
 def _compared(comparison: Comparison) -> dict[str, Any]:

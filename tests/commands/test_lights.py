@@ -112,6 +112,25 @@ def test_a_matte_sphere_tells_how_strong_the_lights_are(run: Run, chrome: Path, 
     assert run("lights", chrome, "--diffuse", grey, "-o", tmp_path / "out.lp")[0] == 0
 
 
+def test_a_white_target_tells_how_strong_the_lights_are(run: Run, chrome: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "white"
+    folder.mkdir()
+    for number, light in enumerate(LIGHTS):
+        level = 0.2 * (number + 1) * light[2] * np.array([1.0, 1.1, 0.9])
+        put_image(folder / f"{number:02d}.png", np.round(65535 * np.broadcast_to(level, (32, 40, 3))).astype(np.uint16))
+    arguments = ("lights", chrome, "--white", folder, "--white-normal", "0,0,1", "-o", tmp_path / "out.lp")
+    code, out, err = run(*arguments, "--json")
+    assert (code, err) == (0, "")
+    record = json.loads(out)
+    power = np.array([light["power"] for light in record["lights"]])
+    np.testing.assert_allclose(power / power[0], [[1.0] * 3, [2.0] * 3, [3.0] * 3], rtol=0.01)
+    np.testing.assert_allclose(power[0] / power[0, 0], [1.0, 1.1, 0.9], rtol=1e-3)
+    assert record["white"]["normal"] == [0, 0, 1]
+    assert record["matte"] is None
+    assert "irradiance" in (tmp_path / "out.toml").read_text("utf-8")
+    assert "green" in run(*arguments)[1]
+
+
 def test_a_light_that_is_not_clipped_has_a_solid_angle(run: Run, tmp_path: Path) -> None:
     folder = tmp_path / "dark"
     folder.mkdir()
@@ -159,6 +178,10 @@ def test_another_list_is_compared_with_what_was_found(run: Run, chrome: Path, tm
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        (("--white-normal", "0,0,1"), "--white-normal is that of --white FOLDER"),
+        (("--white", ".", "--white-normal", "0,0,0"), "--white-normal takes a direction X,Y,Z"),
+        (("--white", ".", "--diffuse", "."), "--white and --diffuse both measure how strong"),
+        (("--white", "missing"), "missing: no such folder; give one with photographs"),
         (("--against", "none.lp"), "none.lp: no such list of lights; give a .lp"),
         (("--circle", "1,2"), "--circle takes X,Y,R in pixels"),
         (("--centre", "1,2,3"), "--centre needs --radius"),
