@@ -16,6 +16,8 @@ from matest.brdf.microfacet import beckmann
 from matest.directions import Directions
 from matest.export import gltf, materialx, mitsuba
 from matest.shading import reflectance
+from tests.export.materials import BRUSHED
+from tests.tolerances import CONVERSION, CONVERSION_DIGIT
 
 PAGE = (Path(__file__).parents[2] / "docs" / "conventions.md").read_text("utf-8")
 M, F0 = 0.15, 0.04
@@ -169,6 +171,27 @@ def test_reflectances_are_what_the_page_says() -> None:
     schlick = (F0 + (1 - F0) * schlick_weight(1 - cosines)).tolist()
     assert [float(cell) for cell in cells("exact")] == pytest.approx(exact, abs=5e-5)
     assert [float(cell) for cell in cells("Schlick")] == pytest.approx(schlick, abs=5e-5)
+
+
+def test_two_widths_cost_what_the_page_says(tmp_path: Path) -> None:
+    stated = cells(next(line for line in PAGE.splitlines() if line.startswith("| brushed:")).split("|")[1].strip())
+    written = [
+        mitsuba.write(BRUSHED, tmp_path / "a.xml", fitted=True),
+        materialx.write(BRUSHED, tmp_path / "a.mtlx"),
+        gltf.write(BRUSHED, tmp_path / "a.glb"),
+    ]
+    assert (stated[0], stated[-1]) == ("plugin", "refused")
+    assert len(mitsuba.write(BRUSHED, tmp_path / "a.xml").files) == 2
+    for cell, conversion in zip(stated[2:5], written, strict=True):
+        error = conversion.error
+        assert numbers(cell) == pytest.approx(
+            [100 * error.relative_rmse, 100 * error.median], rel=CONVERSION, abs=CONVERSION_DIGIT
+        )
+    assert written[1].parameters["surface_roughness"] == pytest.approx(
+        [written[0].parameters["alpha"][0], written[0].parameters["alpha"][1]], rel=0.3
+    )
+    xml = (tmp_path / "a.xml").read_text("utf-8")
+    assert "slope_x" in xml
 
 
 def test_what_materialx_makes_of_eon_is_as_far_off_as_the_page_says() -> None:

@@ -13,15 +13,14 @@ import pytest
 import torch
 
 from matest.benchmark.instruments.rendition import difference, load, rendered
-from matest.brdf import Brdf, CookTorrance, Lambert, OrenNayar, Ward
-from matest.directions import Directions, to_local
+from matest.brdf import BlinnPhong, Brdf, CookTorrance, Lambert, OrenNayar
+from matest.directions import Directions, from_angles, to_local
 from matest.errors import InputError
 from matest.export import mitsuba
 from matest.export.conversion import pairs
 from matest.scene import Camera
 from matest.scene.surface import from_mesh, from_sphere
-from matest.shading import reflectance
-from tests.export.materials import FOAM, GLOSS, METAL, NATIVE, PAPER, PLUGGED, SMITH_GLOSS, even_pairs
+from tests.export.materials import BRUSHED, FOAM, GLOSS, METAL, NATIVE, PAPER, PLUGGED, SMITH_GLOSS, even_pairs
 from tests.export.two_tone import SHAPE, camera, textured, to_edge, truth, vase
 
 pytest.importorskip("mitsuba")
@@ -77,7 +76,7 @@ def test_lobes_that_mitsuba_has_are_converted_exactly(mi: Any, name: str, tmp_pa
     assert conversion.error.relative_rmse < 0.005
 
 
-@pytest.mark.parametrize("material", [GLOSS, FOAM, PAPER, Ward(0.2, 0.3)], ids=["gloss", "foam", "paper", "ward"])
+@pytest.mark.parametrize("material", [GLOSS, FOAM, PAPER, BRUSHED], ids=["gloss", "foam", "paper", "brushed"])
 def test_the_error_of_a_fit_is_what_mitsuba_shows(mi: Any, material: Brdf, tmp_path: Path) -> None:
     bsdf, conversion = loaded(material, tmp_path, fitted=True)
     wi, wo = even_pairs(8_000)
@@ -134,15 +133,15 @@ def test_a_mesh_with_textures_that_mitsuba_renders_is_ours_pixel_by_pixel(
 
 
 def test_textures_do_not_go_with_lobes_that_must_be_fitted(tmp_path: Path) -> None:
-    made = textured(Ward(0.2, 0.3), "diffuse")
+    made = textured(BlinnPhong(0.2, 0.3), "diffuse")
     with pytest.raises(
-        InputError, match=r"lobes must be fitted to ward, which gives no textures; write them with --to"
+        InputError, match=r"lobes must be fitted to blinn-phong, which gives no textures; write them with --to"
     ):
         mitsuba.write(made.material, tmp_path / "ball.xml", textured=made)
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("name", ["v-cavities", "ggx-schlick", "laser-paper"])
+@pytest.mark.parametrize("name", ["v-cavities", "ggx-schlick", "laser-paper", "brushed"])
 def test_directions_are_drawn_by_the_density_that_the_plugin_states(mi: Any, name: str, tmp_path: Path) -> None:
     import drjit as dr
 
@@ -153,7 +152,13 @@ def test_directions_are_drawn_by_the_density_that_the_plugin_states(mi: Any, nam
     uniform = np.random.default_rng(2).random((6000, 3))
     weights = [bsdf.sample(context, point, float(u), mi.Point2f(v, w))[1] for u, v, w in uniform]
     mean = np.array(weights).mean(0)
-    albedo = reflectance(PLUGGED[name], torch.tensor([[cos]], dtype=torch.float64)).expand(1, 3)[0].numpy()
+    # By Gauss-Legendre nodes over the lights, in cosine and azimuth.
+    nodes, shares = (torch.from_numpy(each) for each in np.polynomial.legendre.leggauss(240))
+    height, azimuth = torch.meshgrid((nodes + 1) / 2, math.pi * (nodes + 1), indexing="ij")
+    wi = from_angles(height.acos().flatten(), azimuth.flatten())
+    wo = torch.tensor([[math.sin(0.6), 0.0, cos]], dtype=torch.float64).expand_as(wi)
+    weight = math.pi / 2 * torch.outer(shares, shares).flatten()
+    albedo = (PLUGGED[name](wi, wo).expand(-1, 3) * (wi[:, 2] * weight)[:, None]).sum(0).numpy()
     assert mean == pytest.approx(albedo, rel=0.04)
 
 
