@@ -44,6 +44,11 @@ _COLUMNS = (*_NEEDED, _CHANNEL, _EXPOSURE, _INTENSITY, *_LIGHT_NORMAL)
 # What comments declare beside headings: words, and numbers with what they are where nothing is said.
 _WORDS = {"transfer": ("linear",), "radiometry": ("relative", "absolute")}
 _NUMBERS = {"black": 0.0, "saturation": math.inf, "anisotropy": 1.0}
+# Share of the codes' range below the highest one that is just below it.
+_JUST_BELOW = 0.02
+# Rows with the highest code from which on they may be a plateau, and how many times those just below they then are.
+_PLATEAU = 5
+_PILED = 2
 # Channel of a table that names none.
 _ONLY = "value"
 # Albedo that a matte surface is given where no strength of the light is known.
@@ -113,7 +118,9 @@ def read(text: Text, declaration: Declaration) -> Table:
     declaration.refuse_reading()
     words, numbers = _declared(text)
     rows = _measurements(text)
-    finite, unsaturated = rows.finite, ~(rows.code >= numbers["saturation"])
+    finite = rows.finite
+    highest = _plateau(rows.code[finite], numbers) if math.isinf(numbers["saturation"]) else None
+    unsaturated = ~(rows.code >= (numbers["saturation"] if highest is None else highest))
     refuse(text.path, _faults(rows, finite, unsaturated))
     used = np.flatnonzero(finite & unsaturated)
     _, first, place = np.unique(
@@ -140,7 +147,7 @@ def read(text: Text, declaration: Declaration) -> Table:
     values, channels, wavelengths, of_channels = in_channels(f, rows.channels, declaration)
     return Table(
         text.path, torch.from_numpy(wi[kept]), torch.from_numpy(wo[kept]), values, channels, wavelengths,
-        relative=not absolute, notes=[_note(rows, numbers), *of_channels],
+        relative=not absolute, notes=[_note(rows, numbers, highest), *of_channels],
         skipped={
             "not a number": int((~finite).sum()), "saturated": int((finite & ~unsaturated).sum()),
             "without all channels": int((~whole).sum()), "below the horizon": int((whole & ~above).sum()),
@@ -279,8 +286,17 @@ def _unit(vectors: Array) -> Array:
     return vectors / lengths
 
 
-def _note(rows: _Measurements, numbers: dict[str, float]) -> str:
+def _plateau(code: Array, numbers: dict[str, float]) -> float | None:
+    """The highest code where so many rows have it that it is where the camera clips; None where it is not."""
+    top = float(code.max(initial=-math.inf))
+    below = (code < top) & (code > top - _JUST_BELOW * (top - numbers["black"]))
+    count = int((code == top).sum())
+    return top if count >= _PLATEAU and count > _PILED * below.sum() else None
+
+
+def _note(rows: _Measurements, numbers: dict[str, float], highest: float | None) -> str:
     """How a table was read."""
+    clipped = "" if highest is None else f", and {highest:g}, where they pile up, is saturated"
     even = (
         "evenly" if rows.light_normal is None else f"by the power {numbers['anisotropy']:g} of the cosine to its normal"
     )
@@ -288,5 +304,5 @@ def _note(rows: _Measurements, numbers: dict[str, float]) -> str:
     lights = len(np.unique(rows.light, axis=0))
     return (
         f"Read as {len(rows.code):,} measurements of {rows.pixel.max() + 1:,} pixels under {lights:,} lights, which "
-        f"{strength} and radiate {even}; codes are proportional to light beyond {numbers['black']:g}."
+        f"{strength} and radiate {even}; codes are proportional to light beyond {numbers['black']:g}{clipped}."
     )

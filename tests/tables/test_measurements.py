@@ -65,6 +65,16 @@ def test_exposures_of_one_pixel_become_one_value_without_the_saturated_ones(tmp_
     torch.testing.assert_close(thrice.values, once.values, rtol=1e-4, atol=0)
 
 
+def test_codes_that_pile_up_are_saturated_though_nothing_says_so(tmp_path: Path) -> None:
+    declared = {"transfer": "linear", "black": BLACK}
+    clipped = load_table(Dome(declared=declared, scale=1e9, exposures=(1.0, 20.0)).write(tmp_path / "a.csv"))
+    stated = declared | {"saturation": SATURATION}
+    told = load_table(Dome(declared=stated, scale=1e9, exposures=(1.0, 20.0)).write(tmp_path / "b.csv"))
+    assert clipped.skipped == told.skipped
+    torch.testing.assert_close(clipped.values, told.values)
+    assert clipped.notes[0].endswith("beyond 64, and 4000, where they pile up, is saturated.")
+
+
 def test_headings_of_a_laboratory_are_declared_in_comments(tmp_path: Path) -> None:
     text = GOOD.text()
     plain = load_table(GOOD.write(tmp_path / "a.csv"))
