@@ -122,15 +122,8 @@ def read(text: Text, declaration: Declaration) -> Table:
     highest = _plateau(rows.code[finite], numbers) if math.isinf(numbers["saturation"]) else None
     unsaturated = ~(rows.code >= (numbers["saturation"] if highest is None else highest))
     refuse(text.path, _faults(rows, finite, unsaturated))
-    used = np.flatnonzero(finite & unsaturated)
-    _, first, place = np.unique(
-        np.column_stack([rows.pixel, rows.geometry])[used], axis=0, return_index=True, return_inverse=True
-    )
-    sums = np.zeros((2, len(first), len(rows.channels)))
-    for total, part in zip(sums, (rows.code - numbers["black"], rows.exposure), strict=True):
-        np.add.at(total, (place.ravel(), rows.channel[used]), part[used])
-    whole = (sums[1] > 0).all(axis=1)
-    chosen = used[first]
+    chosen, radiance = _merged(rows, np.flatnonzero(finite & unsaturated), numbers["black"])
+    whole = np.isfinite(radiance).all(axis=1)
     wi, wo, irradiance = _lit(rows, chosen, numbers["anisotropy"])
     above = (wi[:, 2] > 0) & (wo[:, 2] > 0) & (irradiance > 0)
     kept = whole & above
@@ -139,7 +132,7 @@ def read(text: Text, declaration: Declaration) -> Table:
             f"{text.path}: expected lit points that the camera sees, with all channels ({', '.join(rows.channels)}), "
             "and there are none; check the normals and the saturation."
         )
-    y = sums[0][kept] / sums[1][kept] / irradiance[kept, None]
+    y = radiance[kept] / irradiance[kept, None]
     absolute = words.get("radiometry") == "absolute"
     if not absolute:
         y *= _ALBEDO * wi[kept, 2].mean() / max(math.pi * y.mean(), 1e-300)
@@ -265,6 +258,16 @@ def _faults(rows: _Measurements, finite: NDArray[np.bool_], unsaturated: NDArray
     for name, place in (("light", rows.light), ("viewer", rows.viewer)):
         wrong = finite & (place == rows.point).all(axis=1)
         yield bool(wrong.any()), f"{first(wrong)}: the {name} is at the point of the surface; correct one of them."
+
+
+def _merged(rows: _Measurements, used: NDArray[np.int64], black: float) -> tuple[NDArray[np.int64], Array]:
+    """A row of every pixel and geometry among those used [m], and its radiance, NaN where a channel lacks [m, C]."""
+    keys = np.column_stack([rows.pixel, rows.geometry])[used]
+    _, first, place = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    codes, exposures = np.zeros((2, len(first), len(rows.channels)))
+    for total, part in ((codes, rows.code - black), (exposures, rows.exposure)):
+        np.add.at(total, (place.ravel(), rows.channel[used]), part[used])
+    return used[first], np.where(exposures > 0, codes / np.where(exposures > 0, exposures, 1), np.nan)
 
 
 def _lit(rows: _Measurements, index: NDArray[np.int64], anisotropy: float) -> tuple[Array, Array, Array]:
