@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ from rich.console import Console
 from matest.benchmark import Effort, Record, load
 from matest.benchmark.instruments.rendition import difference
 from matest.benchmark.instruments.rendition import load as load_scene
-from matest.benchmark.suites.export import GLOSS, MAPPED, MATERIALS, SIZE, SLOPE
+from matest.benchmark.suites.export import GLOSS, MAPPED, MATERIALS, SIZE, SLOPE, slopes
 from matest.export import mitsuba
 from matest.scene import Camera
 from matest.scene.surface import from_sphere
@@ -69,6 +70,14 @@ def test_a_slope_that_is_two_per_cent_off_shows_in_the_render(tmp_path: Path) ->
     ball = {"type": "sphere", "bsdf": load_scene(files)}
     light = surface.normals[len(surface) // 3].numpy()
     assert difference(ball, GLOSS, surface, Camera((0.0, 0.0, 3.0), height=2.0), [light]).largest > 0.02
+
+
+def test_a_library_that_is_missing_leaves_the_other_figures(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setitem(sys.modules, "pygltflib", None)
+    missing, *others = sorted(slopes(tmp_path), key=lambda record: record.metric)
+    assert missing.value is None
+    assert "pygltflib" in missing.note
+    assert all(record.value is not None for record in others)
 
 
 def test_the_table_fits_eighty_columns(records: list[Record]) -> None:
