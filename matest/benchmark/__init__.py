@@ -19,7 +19,6 @@ SUITES = {
     "calibration": "errors that a calibration off by little causes: as they are, stated, and estimated",
     "diagnosis": "whether what is wrong with a capture is named",
     "maps": "values at every pixel: time and memory, errors, error bars, and Adam at the same",
-    "export": "what conversions to other programs cost, and what Mitsuba renders of them beside our shader",
     "estimate": "time of 12 photographs of a megapixel against decoding them",
     "peers": "time to 1 % against other solvers",
     "frontier": "error of every solver over time",
@@ -27,6 +26,7 @@ SUITES = {
     "memory": "peak of 12 and of 120 photographs",
     "start": "fresh processes",
     "command": "the whole command on captures that state no noise, against decoding",
+    "export": "what conversions to other programs cost, and what Mitsuba renders of them beside our shader",
 }
 # Suites that race the peers.
 RACES = ("peers", "frontier")
