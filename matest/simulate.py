@@ -379,6 +379,8 @@ def _write_geometry(scene: SimulatedScene, folder: Path, copies: bool) -> None:
 def _capture_table(tables: schema.SceneFile, encoding: Encoding, names: list[str]) -> dict[str, Any]:
     """The capture file of a rendered scene: the scene's tables, with transfer, scale and file names of its images."""
     out: dict[str, Any] = {"mask": "mask.png", "geometry": changes(tables.geometry)}
+    if tables.light_axes != "world":
+        out["light_axes"] = tables.light_axes
     if tables.geometry.normals is not None:
         out["geometry"]["normals"] = "normals.exr"
     if tables.camera is not None:

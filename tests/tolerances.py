@@ -100,3 +100,7 @@ ALBEDO_EXCESS = {
     "ward(form=duer)": Excess(9.933, "the product of cosines diverges at grazing incidence"),
     "ward(anisotropy=axes)": Excess(1.062, "the root of the cosines diverges at the very end of grazing incidence"),
 }
+
+# Errors of conversions in docs/conventions.md, in per cent: relative, where the fit stops, and their last digit.
+CONVERSION = 0.02
+CONVERSION_DIGIT = 0.06

@@ -26,6 +26,7 @@ SUITES = {
     "memory": "peak of 12 and of 120 photographs",
     "start": "fresh processes",
     "command": "the whole command on captures that state no noise, against decoding",
+    "export": "what conversions to other programs cost, and what Mitsuba renders of them beside our shader",
 }
 # Suites that race the peers.
 RACES = ("peers", "frontier")

@@ -34,6 +34,7 @@ SELECTED: dict[str, tuple[Kind, float | None]] = {
         for suite in ("efficiency", "outliers")
         for metric in ("given", "*rms error", "coverage", "optimum missed")
     },
+    "export/*: error": ("accuracy", 0.05),
     "models/tiled gradient": ("cost", 0.5),
     "models/time per pass": ("cost", 0.5),
     "models/* needed components": ("cost", 0.5),

@@ -14,6 +14,7 @@ from matest.capture import ranges
 from matest.capture.camera_file import with_camera
 from matest.capture.description import Description
 from matest.capture.geometry import check_size, visible_surface
+from matest.capture.light_axes import in_world
 from matest.capture.light_tables import colour, lights_of
 from matest.errors import Fault, InputError, refuse
 from matest.photographs.images import full_scale, read_image
@@ -139,7 +140,8 @@ def realise(
     Raises:
         InputError: anything about the files that cannot be used, in one sentence.
     """
-    description, notes = with_camera(description, images.shape)
+    description, of_camera = with_camera(description, images.shape)
+    description, of_lights = in_world(description)
     tables = description.tables
     surface = visible_surface(description, images.shape, supersampling, precision)
     encoding = _encoding(description, images, surface, transfer)
@@ -153,7 +155,7 @@ def realise(
         saturation_stated=tables.encoding.saturation is not None,
         relative=tables.encoding.radiometry == "relative" or not powers_stated,
         names=description.names,
-        notes=notes,
+        notes=(*of_camera, *of_lights),
     )
 
 

@@ -108,7 +108,12 @@ def _camera_faults(table: CameraTable) -> Iterator[Fault]:
 def _of_mesh(view: _View) -> Surface:
     camera, description = view.camera, view.description
     if camera is None or (camera.orthographic and camera.height is None):
-        place = "" if description.layout is None else "; 'matest init' writes a capture.toml to put it in"
+        place = ""
+        if description.layout is not None:
+            place = (
+                ", by which the directions of the list, that are in the camera's axes, are turned into those of the "
+                "mesh; 'matest init' writes a capture.toml to put it in"
+            )
         raise InputError(
             f"{description.file}: a mesh needs a [camera] with position, target and height (orthographic), fov_y or "
             f"matrix{place}."

@@ -19,8 +19,8 @@ from matest.progress import Progress, silent
 # What a mesh needs and no light list says.
 _CAMERA = """
 # The files do not say where the camera stood, which a mesh needs: complete these lines and remove the marks. The
-# directions of the lights are those of the list ({axes}):
-# they belong to this mesh if its axes are the same.
+# directions of the lights are those of the list, in the axes of the camera
+# ({axes}), and light_axes has them turned into those of the mesh.
 
 # [camera]
 # kind = "perspective"       # or "orthographic" with height = (world units across the image)
@@ -30,8 +30,8 @@ _CAMERA = """
 # fov_y = 0.35               # rad
 """
 _NO_CAMERA = (
-    "The files do not say where the camera stood: complete [camera] in it and see that the axes of the mesh are those "
-    "of the lights ({axes}), then run 'matest check'."
+    "The files do not say where the camera stood: complete [camera] in it, by which the lights ({axes}) are turned "
+    "into the axes of the mesh, then run 'matest check'."
 )
 _NO_TRANSFER = "Images of integers also need transfer under [encoding]."
 
@@ -94,7 +94,9 @@ def _text(description: Description, transfer: str | float | None, understood: di
     if description.content is not None:
         words += [f"taken for granted: {assumption}" for assumption in description.content.assumptions]
     content = {} if tables.mask is None else {"mask": tables.mask}
+    content |= {} if tables.light_axes == "world" else {"light_axes": tables.light_axes}
     content |= {"geometry": changes(tables.geometry), "encoding": changes(encoding)}
+    content |= {} if tables.camera is None else {"camera": changes(tables.camera)}
     content |= {"image": [changes(image) for image in tables.image]}
     return "".join(f"# {line}\n" for line in words) + "\n" + as_toml(content)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -57,10 +57,8 @@ def load_mirror(
         InputError: no images, no circle, or files that cannot be used, in one sentence.
     """
     path = Path(path)
-    if (path / "capture.toml").is_file() or path.is_file():
-        mirror = _described(describe(path, schema.CaptureFile), circles, transfer, fov_y)
-    else:
-        mirror = _plain(path, circles, transfer, fov_y)
+    found = _read(path, transfer)
+    mirror = _with_spheres(found.mirror, circles or found.circles, _with_view(found.camera, fov_y), found.label)
     for x, y, radius in (sphere.circle for sphere in mirror.spheres):
         height, width = mirror.shape
         inside = 0 < radius < 10 * max(height, width) and 0 < x < width and 0 < y < height
@@ -72,12 +70,39 @@ def load_mirror(
     return mirror
 
 
-def _described(
-    description: Description[schema.CaptureFile],
-    circles: Sequence[Circle],
-    transfer: str | float | None,
-    fov_y: float | None,
-) -> Mirror:
+def load_target(path: str | Path, *, transfer: str | float | None = None) -> Mirror:
+    """Read a folder with photographs of a flat target, as `load_mirror` reads those of spheres; its mask shows it.
+
+    Raises:
+        InputError: no images, or files that cannot be used, in one sentence.
+    """
+    return _read(Path(path), transfer).mirror
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What a folder says of its photographs.
+
+    Attributes:
+        mirror: the photographs, without spheres.
+        circles: of spheres, where files state them.
+        camera: that took them.
+        label: of the file or folder, for refusals.
+    """
+
+    mirror: Mirror
+    circles: Sequence[Circle]
+    camera: Camera
+    label: str
+
+
+def _read(path: Path, transfer: str | float | None) -> _Found:
+    if (path / "capture.toml").is_file() or path.is_file():
+        return _described(describe(path, schema.CaptureFile), transfer)
+    return _plain(path, transfer)
+
+
+def _described(description: Description[schema.CaptureFile], transfer: str | float | None) -> _Found:
     tables, file = description.tables, description.file
     unnamed = [number for number, table in enumerate(tables.image) if table.file is None]
     if unnamed:
@@ -93,14 +118,15 @@ def _described(
         check_size(mask, images.shape, f"{description.folder / tables.mask}: the mask")
     camera = Camera() if tables.camera is None else camera_of(tables.camera, str(file))
     geometry = tables.geometry
-    if not circles and geometry.centre is not None and geometry.radius is not None:
+    circles: list[Circle] = []
+    if geometry.centre is not None and geometry.radius is not None:
         circles = [(*geometry.centre, geometry.radius)]
     transfer = transfer if transfer is not None else tables.encoding.transfer
     encoding = Encoding("linear" if transfer is None else transfer, saturation=saturation(description, images))
     encoding = replace(encoding, **_frames(description, encoding, images))
     exposures = tuple(table.exposure for table in tables.image)
     mirror = Mirror(description.folder, files, description.names, (), mask, encoding, images.shape, exposures)
-    return _with_spheres(mirror, circles, _with_view(camera, fov_y), str(file))
+    return _Found(mirror, circles, camera, str(file))
 
 
 def _with_spheres(mirror: Mirror, circles: Sequence[Circle], camera: Camera, label: str) -> Mirror:
@@ -131,26 +157,25 @@ def _frames(description: Description[schema.CaptureFile], encoding: Encoding, im
     return frames
 
 
-def _plain(folder: Path, circles: Sequence[Circle], transfer: str | float | None, fov_y: float | None) -> Mirror:
+def _plain(folder: Path, transfer: str | float | None) -> _Found:
     if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder; give one with photographs of a mirror sphere.")
+        raise InputError(f"{folder}: no such folder; give one with photographs, one for each light.")
     psbox = folder / _PSBOX_CIRCLE
     files = tuple(_photographs(folder, _REFERENCE if psbox.is_file() else None))
     if not files:
-        raise InputError(f"{folder}: no photographs; put images of a mirror sphere there, one for each light.")
+        raise InputError(f"{folder}: no photographs; put images there, one for each light.")
     first = read_image(files[0])
     shape = (first.shape[0], first.shape[1])
     masks = [file for file in sorted(folder.iterdir()) if file.stem.lower() == _MASK and _is_image(file)]
     mask = read_mask(masks[0]) if masks else None
     if mask is not None:
         check_size(mask, shape, f"{masks[0]}: the mask")
-    if not circles and psbox.is_file():
-        circles = [_psbox_circle(psbox, shape[0])]
+    circles = [_psbox_circle(psbox, shape[0])] if psbox.is_file() else []
     encoding = Encoding(
         "linear" if transfer is None else transfer, saturation=SATURATION if first.dtype.kind == "u" else None
     )
     mirror = Mirror(folder, files, tuple(file.name for file in files), (), mask, encoding, shape)
-    return _with_spheres(mirror, circles, _with_view(Camera(), fov_y), str(folder))
+    return _Found(mirror, circles, Camera(), str(folder))
 
 
 def _is_image(file: Path) -> bool:

@@ -98,6 +98,7 @@ class CaptureFile(_Table, kw_only=True):
     geometry: GeometryTable
     image: list[ImageTable]
     mask: str | None = None
+    light_axes: Literal["world", "camera"] = "world"  # of the directions of lights
     camera: CameraTable | None = None
     encoding: EncodingTable = msgspec.field(default_factory=EncodingTable)
     noise: NoiseTable | None = None

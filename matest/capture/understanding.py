@@ -48,14 +48,16 @@ def _shape(description: Description, photographs: Photographs) -> str:
 
 def _axes(description: Description) -> str:
     if description.content is not None:
-        return description.content.axes
+        turned = "; turned into those of the mesh" if description.tables.light_axes == "camera" else ""
+        return description.content.axes + turned
     if description.tables.geometry.mesh is None:
         return "x right, y up, z toward the viewer"
     camera = description.tables.camera
     if camera is None:
         return "those of the mesh"
     up, toward = ([float(f"{value:.4g}") for value in vector] for vector in (camera.up, camera.position))
-    return f"those of the mesh; {camera.kind} camera at {toward}, up {up}"
+    lights = "; lights in those of the camera" if description.tables.light_axes == "camera" else ""
+    return f"those of the mesh; {camera.kind} camera at {toward}, up {up}{lights}"
 
 
 def _transfer(photographs: Photographs) -> str:

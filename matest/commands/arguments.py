@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable
 from enum import Enum
@@ -176,6 +177,15 @@ def circle(text: str) -> tuple[float, float, float]:
 def centre(text: str) -> tuple[float, float, float]:
     """A place in the world."""
     x, y, z = _numbers(text, 3, "--centre takes X,Y,Z in world units, as 0,0.1,0.5")
+    return x, y, z
+
+
+def normal(text: str) -> tuple[float, float, float]:
+    """The direction that a surface faces."""
+    expected = "--white-normal takes a direction X,Y,Z, as 0,0,1"
+    x, y, z = _numbers(text, 3, expected)
+    if not 0 < math.hypot(x, y, z) < math.inf:
+        raise InputError(f"{expected}; got '{text}'.")
     return x, y, z
 
 

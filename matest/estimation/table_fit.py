@@ -184,7 +184,7 @@ def fit_table_with(
         labels=list(posterior.labels),
         correlation=[list(row) for row in posterior.correlation],
         fit=summary(samples, solution, bars, _sentence(samples, solution, bars)),
-        relative=False,
+        relative=table.relative,
         candidates=selection.candidates if selection else [],
         skipped={"components": selection.unsupported if selection else [], "samples": dict(table.skipped), "work": []},
         timing_s={"fit": time.perf_counter() - clock},

@@ -366,6 +366,7 @@ _SYMPTOMS: tuple[Rule, ...] = (_not_described, _f0_too_low, _odd_images, _outlie
 GENERAL_RULES: tuple[Rule, ...] = (
     impossible_brightness,
     _not_described,
+    _relative_radiometry,
     _held_by_default,
     _f0_too_low,
     _notes_of_readers,

@@ -30,6 +30,12 @@ _SLOPES = (0.02, 0.05, 0.1, 0.2, 0.4)
 _ROUGH_STEPS = 6
 _STEPS = 20
 
+# Pairs of directions, and the turn about the normal in rad, by which a material is found to have a direction.
+_TURNED_PAIRS = 500
+_TURN = 0.7
+# Relative change with it that is rounding.
+_TURN_ROUNDING = 1e-4
+
 # A value this near to its bound is at it.
 _AT_BOUND = 1e-6
 
@@ -232,10 +238,28 @@ def even_colour(material: Brdf) -> Tensor:
         return (math.pi * material(wi, wo)).expand(3).clone()
 
 
-def own_slopes(material: Brdf) -> list[float]:
-    """Rms slopes that a fit of a lobe begins with: those of the material, and some that cover all."""
+def is_isotropic(material: Brdf) -> bool:
+    """Whether a material stays the same when the surface turns about its normal."""
+    sample = pairs(_TURNED_PAIRS)
+    cos, sin = math.cos(_TURN), math.sin(_TURN)
+    turn = torch.tensor([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]], dtype=torch.float64)
+    with torch.no_grad():
+        f, turned_f = material(sample.wi, sample.wo), material(sample.wi @ turn, sample.wo @ turn)
+    return float((f - turned_f).abs().max()) <= _TURN_ROUNDING * float(f.abs().max())
+
+
+def own_slopes(material: Brdf, *, pairs_of: bool = False) -> list[Tensor]:
+    """Rms slopes that a fit of a lobe begins with: those of the material, and some that cover all.
+
+    Args:
+        material: to be fitted.
+        pairs_of: whether slopes along tangent and bitangent are asked for [2]; otherwise one for both [].
+    """
     named = [float(value.mean()) for name, value in material.parameters.items() if "slope" in name.rpartition(".")[2]]
-    return [*named[:1], 0.08, 0.3]
+    starts: list[Any] = [*named[:1], 0.08, 0.3]
+    if pairs_of:
+        starts = [*([named[:2]] if len(named) > 1 else []), (0.08, 0.3), (0.3, 0.08)]
+    return [torch.tensor(start, dtype=torch.float64) for start in starts]
 
 
 def own_f0(material: Brdf) -> float | None:

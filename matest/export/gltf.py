@@ -1,10 +1,13 @@
-"""glTF 2.0: a metallic-roughness material on a sphere or its mesh, with the extensions KHR_materials_specular and _ior.
+"""glTF 2.0: a metallic-roughness material on a sphere or its mesh.
+
+It has the extensions KHR_materials_specular and _ior, and KHR_materials_anisotropy where the material has a direction.
 
 Conventions of the specification (appendix B): `roughnessFactor` is √α, α the width of GGX as our `slope` with
 `distribution=ggx`; masking is Smith's, F Schlick's. A dielectric reflects w F and lets 1 − w max F through to a
 Lambertian body of albedo `baseColorFactor`, w = `specularFactor`; F at normal incidence is ((n−1)/(n+1))² ·
 `specularColorFactor`. A metal has F = `baseColorFactor` there, and no body. Colours are linear, of Rec. 709; in a
-texture they are sRGB. Metalness is the B of a texture, roughness its G, both linear.
+texture they are sRGB. Of two widths the larger is α + (1 − α) `anisotropyStrength`², along the tangent turned by
+`anisotropyRotation`. Metalness is the B of a texture, roughness its G, both linear.
 """
 
 from __future__ import annotations
@@ -19,7 +22,6 @@ from torch import Tensor
 
 from matest.brdf import Brdf
 from matest.brdf.fresnel import schlick_weight
-from matest.brdf.microfacet import ggx, smith_ggx
 from matest.directions import Directions
 from matest.errors import InputError
 from matest.export.conversion import (
@@ -29,10 +31,12 @@ from matest.export.conversion import (
     best_fit,
     check_channels,
     even_colour,
+    is_isotropic,
     measured_error,
     own_f0,
     own_slopes,
 )
+from matest.export.facets import correlated_ggx, ggx_facets, is_pair, separate_ggx
 from matest.export.gltf_file import Shape, save, sphere
 from matest.export.gltf_textures import textures_of
 from matest.export.lobes import METALLIC, Lobe, index_of, is_matte, lobes_of
@@ -62,13 +66,17 @@ def write(material: Brdf, path: Path, *, textured: Textured | None = None) -> Co
     except ImportError:
         raise InputError(f'{path}: glTF needs pygltflib, which is not installed: pip install "matest-brdf[gltf]".')
     lobes = lobes_of(material)
+    # Textures have a direction of their own at every texel, which no file says.
+    turns = textured is None and not is_isotropic(material)
     exact = None if lobes is None else _values_of(lobes)
     if exact is not None:
         values: Values = exact
         error = measured_error(material, lambda wi, wo: reflectance(values, Directions(wi, wo)))
         notes = ["glTF has this lobe; roughnessFactor is the root of GGX's width."]
     else:
-        family, values, error = best_fit(_families(material, lobes), material)
+        # Masking is bounded where facets have two widths, and not where they have one: either may be nearer.
+        fits = [best_fit(_families(material, lobes, turns=each), material) for each in {False, turns}]
+        family, values, error = min(fits, key=lambda fit: fit[2].relative_rmse)
         notes = [f"glTF's {family.name} was fitted to the material; roughnessFactor is the root of GGX's width."]
     parameters = _parameters(values)
     textures = None if textured is None else textures_of(textured, values, reflectance)
@@ -84,7 +92,7 @@ def write(material: Brdf, path: Path, *, textured: Textured | None = None) -> Co
             "note": " ".join(notes),
         }
     }
-    shape = sphere() if textured is None else Shape.of(textured.atlas)
+    shape = sphere(tangents=is_pair(values["alpha"])) if textured is None else Shape.of(textured.atlas)
     images = {} if textures is None else textures.images
     save(pygltflib, _material(parameters, path.stem, extras), path, shape, images)
     return Conversion(error, parameters, notes, (path,))
@@ -92,7 +100,10 @@ def write(material: Brdf, path: Path, *, textured: Textured | None = None) -> Co
 
 def reflectance(values: Values, directions: Directions) -> Tensor:
     """f of a glTF material [n, 3], by appendix B of the specification."""
-    lobe = ggx(directions, values["alpha"]) * smith_ggx(directions, values["alpha"])
+    alpha = values["alpha"]
+    # KHR_materials_anisotropy has correlated heights.
+    masking = correlated_ggx(directions, alpha).clamp(max=1) if is_pair(alpha) else separate_ggx(directions, alpha)
+    lobe = ggx_facets(directions, alpha) * masking
     rise = schlick_weight(directions.short_d)
     if "weight" not in values:
         return lobe * (values["base"] + (1 - values["base"]) * rise)
@@ -117,10 +128,13 @@ def _values_of(lobes: Sequence[Lobe]) -> dict[str, Tensor] | None:
     return None
 
 
-def _families(material: Brdf, lobes: Sequence[Lobe] | None) -> list[Family]:
-    """A dielectric over a Lambertian body, and a metal; the body alone for what is matte."""
+def _families(material: Brdf, lobes: Sequence[Lobe] | None, *, turns: bool) -> list[Family]:
+    """A dielectric over a Lambertian body, and a metal; the body alone for what is matte.
+
+    `turns`: whether facets have two widths.
+    """
     colour, f0 = even_colour(material).clamp(max=1), own_f0(material) or 0.04
-    slopes = [torch.tensor(slope, dtype=torch.float64) for slope in own_slopes(material)]
+    slopes = own_slopes(material, pairs_of=turns)
     one = torch.ones((), dtype=torch.float64)
     index = index_of(torch.tensor(f0 if f0 < METALLIC else 0.04, dtype=torch.float64))
     normal = float(((index - 1) / (index + 1)).square())
@@ -142,8 +156,15 @@ def _parameters(values: Values) -> dict[str, Any]:
     parameters = {
         "baseColorFactor": [*values["base"].tolist(), 1.0],
         "metallicFactor": 0.0 if "weight" in values else 1.0,
-        "roughnessFactor": float(values["alpha"].sqrt()),
+        "roughnessFactor": float(values["alpha"].min().sqrt()),
     }
+    if is_pair(values["alpha"]):
+        along, across = values["alpha"].tolist()
+        least = min(along, across)
+        parameters |= {
+            "anisotropyStrength": math.sqrt((max(along, across) - least) / (1 - least)) if least < 1 else 0.0,
+            "anisotropyRotation": 0.0 if along >= across else 0.5 * math.pi,
+        }
     if "weight" in values:
         parameters |= {
             "specularFactor": float(values["weight"]),
@@ -156,9 +177,10 @@ def _parameters(values: Values) -> dict[str, Any]:
 def _material(parameters: dict[str, Any], name: str, extras: dict[str, Any]) -> dict[str, Any]:
     """The entry of a glTF file."""
     specular = {key: parameters[key] for key in ("specularFactor", "specularColorFactor") if key in parameters}
-    extensions = {}
+    anisotropy = {key: parameters[key] for key in ("anisotropyStrength", "anisotropyRotation") if key in parameters}
+    extensions: dict[str, Any] = {"KHR_materials_anisotropy": anisotropy} if anisotropy else {}
     if specular:
-        extensions = {"KHR_materials_specular": specular, "KHR_materials_ior": {"ior": parameters["ior"]}}
+        extensions |= {"KHR_materials_specular": specular, "KHR_materials_ior": {"ior": parameters["ior"]}}
     return {
         "name": name,
         "pbrMetallicRoughness": {

@@ -13,6 +13,8 @@ from matest.export.atlas import Atlas
 
 # Facets of the sphere that shows a material without textures, from pole to pole and around.
 _SPHERE = (32, 64)
+# Distance from the axis, radii, below which a vertex is a pole.
+_POLE = 1e-6
 # WebGL's number for a linear look-up in images.
 _LINEAR = 9729
 # The same over levels of detail too.
@@ -30,12 +32,14 @@ class Shape:
         normals: unit [V, 3], float32.
         uv: texture coordinates, v downward [V, 2], float32; None: it has none.
         triangles: [F, 3], counter-clockwise seen from outside.
+        tangents: unit [V, 4], float32, the fourth 1 (bitangent = normal × tangent); None: it has none.
     """
 
     positions: np.ndarray
     normals: np.ndarray
     uv: np.ndarray | None
     triangles: np.ndarray
+    tangents: np.ndarray | None = None
 
     @classmethod
     def of(cls, atlas: Atlas) -> Shape:
@@ -46,14 +50,21 @@ class Shape:
         return cls(positions, normals, uv.astype("<f4"), triangles.astype("<u4"))
 
 
-def sphere() -> Shape:
-    """A sphere of unit radius."""
+def sphere(*, tangents: bool = False) -> Shape:
+    """A sphere of unit radius, about y; its tangents, if asked for, go round it."""
     import trimesh
 
     ball = trimesh.creation.uv_sphere(radius=1.0, count=list(_SPHERE))
     # The normals of a unit sphere are its vertices.
     vertices = (ball.vertices / np.linalg.norm(ball.vertices, axis=1, keepdims=True)).astype("<f4")
-    return Shape(vertices, vertices, None, ball.faces.astype("<u2"))
+    faces = ball.faces.astype("<u2")
+    if not tangents:
+        return Shape(vertices, vertices, None, faces)
+    around = np.stack([vertices[:, 2], np.zeros(len(vertices)), -vertices[:, 0], np.ones(len(vertices))], axis=1)
+    length = np.linalg.norm(around[:, :3], axis=1, keepdims=True)
+    # At the poles every direction goes round.
+    around[:, :3] = np.where(length > _POLE, around[:, :3] / np.maximum(length, _POLE), (1, 0, 0))
+    return Shape(vertices, vertices, None, faces, around.astype("<f4"))
 
 
 def save(pygltflib: Any, material: dict[str, Any], path: Path, shape: Shape, images: Mapping[str, np.ndarray]) -> None:
@@ -80,7 +91,8 @@ def save(pygltflib: Any, material: dict[str, Any], path: Path, shape: Shape, ima
     normals = positions if shared else blob.accessor(shape.normals, g.ARRAY_BUFFER, g.FLOAT, g.VEC3)
     uv = None if shape.uv is None else blob.accessor(shape.uv, g.ARRAY_BUFFER, g.FLOAT, g.VEC2)
     textures = {name: g.TextureInfo(index=number) for number, name in enumerate(images)}
-    attributes = g.Attributes(POSITION=positions, NORMAL=normals, TEXCOORD_0=uv)
+    tangents = None if shape.tangents is None else blob.accessor(shape.tangents, g.ARRAY_BUFFER, g.FLOAT, g.VEC4)
+    attributes = g.Attributes(POSITION=positions, NORMAL=normals, TANGENT=tangents, TEXCOORD_0=uv)
     pictures = [
         g.Image(bufferView=blob.view(_png(image)), mimeType="image/png", name=name) for name, image in images.items()
     ]

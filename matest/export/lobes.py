@@ -24,6 +24,7 @@ from matest.brdf import (
     SubsurfaceDiffuse,
     Sum,
     TorranceSparrow,
+    Ward,
 )
 from matest.brdf.microfacet import gaussian_constant
 
@@ -121,20 +122,29 @@ def _slopes(part: CookTorrance) -> Iterator[tuple[Tensor, Tensor]]:
         yield part.slope_3, part.weight_2 * part.weight_3
 
 
+def _ward(part: Brdf) -> list[Lobe]:
+    assert isinstance(part, Ward)
+    slopes = (part.slope, part.slope) if part.anisotropy == "none" else (part.slope_x, part.slope_y)
+    values = {"specular": part.specular, "slope_x": slopes[0], "slope_y": slopes[1]}
+    return [Lobe("lambert", {"albedo": part.diffuse}), Lobe("ward", values, {"form": part.form})]
+
+
 def _li_torrance(part: Brdf) -> list[Lobe] | None:
-    """Its components, but no anisotropic or mirror-like ones."""
+    """Its components, but no mirror-like ones."""
     values = part.parameters
-    if getattr(part, "anisotropy", "none") != "none" or getattr(part, "coherent", "off") == "on":
+    if getattr(part, "coherent", "off") == "on":
         return None
-    words = {"masking": getattr(part, "masking", "on"), "law": getattr(part, "law", "printed")}
+    masking = {"masking": getattr(part, "masking", "on"), "anisotropy": getattr(part, "anisotropy", "none")}
+    words = masking | {"law": getattr(part, "law", "printed")}
     lobes = [Lobe("lambert", {"albedo": values["k_udf"]})] if "k_udf" in values else []
     surface = {"f0": values["f0"]} if "f0" in values else {}
     if "k_uds" in values:
         lobes.append(Lobe("li-torrance-subsurface", {"k": values["k_uds"], **surface}))
-    if "height_rms" in values:
-        surface["slope_ratio"] = values["height_rms"] / values["correlation_length"]
+    for axis in ("", "_x", "_y"):
+        if f"correlation_length{axis}" in values:
+            surface[f"slope_ratio{axis}"] = values["height_rms"] / values[f"correlation_length{axis}"]
     if "k_dd" in values:
-        lobes.append(Lobe("li-torrance-directional", {"k": values["k_dd"], **surface}, {"masking": words["masking"]}))
+        lobes.append(Lobe("li-torrance-directional", {"k": values["k_dd"], **surface}, masking))
     if "k_fs" in values:
         lobes.append(Lobe("li-torrance-forward", {"k": values["k_fs"], **surface}, words))
     return lobes
@@ -147,6 +157,7 @@ _SPLIT: dict[type[Brdf], Callable[[Brdf], list[Lobe] | None]] = {
     Fujii: _body,
     Eon: _body,
     TorranceSparrow: _torrance_sparrow,
+    Ward: _ward,
     CookTorrance: _cook_torrance,
     LiTorrance: _li_torrance,
     DirectionalDiffuse: _li_torrance,

@@ -1,10 +1,10 @@
 """MaterialX 1.39: nodes of its physically based library, joined to a material.
 
-Conventions: `roughness` of the surface nodes is the width α of GGX, a pair for two directions, as our `slope` with
-`distribution=ggx`; `roughness` of `oren_nayar_diffuse_bsdf` is σ in radians of Oren and Nayar's eq. 17, and with
+Conventions: `roughness` of the surface nodes is the width α of GGX, a pair for tangent and bitangent, as our `slope`
+with `distribution=ggx`; `roughness` of `oren_nayar_diffuse_bsdf` is σ in radians of Oren and Nayar's eq. 17, and with
 `energy_compensation` the r of EON; `color` is the albedo, linear (`lin_rec709`). As its GLSL evaluates them, masking is
 Smith's with correlated heights, and the lobe gets back what a single reflection loses: 1 + F (1 − E)/E, with E the
-albedo of a white lobe toward the viewer.
+albedo of a white lobe toward the viewer; of two widths both take the geometric mean.
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ from torch import Tensor
 
 from matest.brdf import Brdf, Eon, OrenNayarQualitative
 from matest.brdf.fresnel import dielectric, schlick_weight
-from matest.brdf.microfacet import ggx
 from matest.directions import Directions, from_angles
 from matest.export.conversion import (
     Conversion,
@@ -32,10 +31,12 @@ from matest.export.conversion import (
     best_fit,
     check_channels,
     even_colour,
+    is_isotropic,
     measured_error,
     own_f0,
     own_slopes,
 )
+from matest.export.facets import ggx_facets, is_pair, pair
 from matest.export.lobes import METALLIC, Lobe, index_of, is_matte, lobes_of
 from matest.shading import SKY_COSINES, interpolate
 
@@ -100,8 +101,9 @@ def reflectance(body: str, surface: str, values: Values, directions: Directions)
         fresnel = dielectric(directions.cos_d, ((values["ior"] - 1) / (values["ior"] + 1)).square())
     else:
         fresnel = values["color0"] + (1 - values["color0"]) * schlick_weight(directions.short_d)
-    white = interpolate(_white_albedo(alpha), directions.cos_o)
-    lobe = ggx(directions, alpha) * _correlated(directions.cos_i, directions.cos_o, alpha)
+    mean = alpha.prod().sqrt() if is_pair(alpha) else alpha
+    white = interpolate(_white_albedo(mean), directions.cos_o)
+    lobe = ggx_facets(directions, alpha) * _correlated(directions.cos_i, directions.cos_o, mean)
     tint = values.get("tint", torch.ones(3, dtype=torch.float64))
     return total + tint * fresnel * lobe * (1 + fresnel * (1 - white) / white)
 
@@ -148,12 +150,13 @@ def _body_of(lobes: Sequence[Lobe]) -> tuple[str, Values] | None:
 def _families(material: Brdf, lobes: Sequence[Lobe] | None) -> list[Family]:
     """Bodies of both kinds, each with a dielectric and with a metallic surface; without, where there is none."""
     kinds = {lobe.kind for lobe in lobes} if lobes is not None else {"unknown"}
-    smooth = kinds <= {"lambert", "microfacet"}
+    smooth = kinds <= {"lambert", "microfacet", "ward"}
     colour, f0 = even_colour(material), own_f0(material) or 0.04
-    number = {value: torch.tensor(value, dtype=torch.float64) for value in (0.0, 0.3, *own_slopes(material))}
+    smooth_body, rough_body = (torch.tensor(value, dtype=torch.float64) for value in (0.0, 0.3))
+    slopes = own_slopes(material, pairs_of=not is_isotropic(material))
     one = torch.ones(3, dtype=torch.float64)
-    held = {"diffuse_roughness": number[0.0]} if smooth else {}
-    first = {"color": colour.clamp(max=1)} | ({} if smooth else {"diffuse_roughness": number[0.3]})
+    held = {"diffuse_roughness": smooth_body} if smooth else {}
+    first = {"color": colour.clamp(max=1)} | ({} if smooth else {"diffuse_roughness": rough_body})
     families = []
     for body, widest in (("oren-nayar-qualitative", 0.5 * math.pi), ("eon", 1.0)):
         bounds = {"color": (0.0, math.inf if body != "eon" else 1.0)}
@@ -161,7 +164,7 @@ def _families(material: Brdf, lobes: Sequence[Lobe] | None) -> list[Family]:
         if is_matte(lobes):
             families.append(_family(body, "", [first], bounds, held))
             continue
-        starts = [{**first, "alpha": number[slope]} for slope in own_slopes(material)]
+        starts = [{**first, "alpha": slope} for slope in slopes]
         bounds["alpha"] = (1e-3, 1.0)
         index = index_of(torch.tensor(f0 if f0 < METALLIC else 0.04, dtype=torch.float64))
         coated = [{**start, "tint": one} for start in starts]
@@ -203,7 +206,7 @@ def _document(body: str, surface: str, values: Values, name: str, doc: str, path
         _input(node, optics, "float" if optics == "ior" else "color3", values[optics])
         if "tint" in values:
             _input(node, "tint", "color3", values["tint"])
-        _input(node, "roughness", "vector2", values["alpha"].expand(2))
+        _input(node, "roughness", "vector2", torch.tensor(pair(values["alpha"])))
         # Ours add up; a layer would dim the body below the surface.
         node = _node(root, "add", "sum", "BSDF")
         for place, lobe in enumerate(("body", "surface"), 1):

@@ -12,17 +12,12 @@ from torch import Tensor
 
 from matest.brdf import Brdf
 from matest.errors import InputError
-from matest.export.conversion import Conversion, check_channels, measured_error, pairs
+from matest.export.conversion import Conversion, check_channels, is_isotropic, measured_error
 from matest.tables.merl import CELLS, INVALID, SCALES, SHAPE, cells, turned
 
 SUFFIX = ".binary"
 # Cells that are evaluated together.
 _TOGETHER = 1 << 16
-# Radians by which a surface is turned to see whether that changes it, at so many pairs of directions, and the relative
-# change that is rounding.
-_TURN = 0.7
-_TURNED_PAIRS = 500
-_ROUNDING = 1e-4
 
 
 def write(material: Brdf, path: Path) -> Conversion:
@@ -36,7 +31,11 @@ def write(material: Brdf, path: Path) -> Conversion:
         OSError: the file cannot be written.
     """
     check_channels(material, path, "a MERL table")
-    _check_isotropic(material, path)
+    if not is_isotropic(material):
+        raise InputError(
+            f"{path}: a MERL table holds isotropic materials, and {material.expression} changes when the surface turns "
+            "about its normal; take another target."
+        )
     wi, wo, _ = cells()
     above = (wi[:, 2] > 0) & (wo[:, 2] > 0)
     f = torch.full((CELLS, 3), INVALID, dtype=torch.float64)
@@ -54,21 +53,6 @@ def write(material: Brdf, path: Path) -> Conversion:
 def _symmetric(material: Brdf, wi: Tensor, wo: Tensor) -> Tensor:
     """The mean of f(wi, wo) and f(wo, wi) [n, 3]."""
     return (0.5 * (material(wi, wo) + material(wo, wi))).expand(-1, 3)
-
-
-def _check_isotropic(material: Brdf, path: Path) -> None:
-    sample = pairs(_TURNED_PAIRS)
-    wi, wo = sample.wi, sample.wo
-    turn = torch.tensor(
-        [[math.cos(_TURN), math.sin(_TURN), 0], [-math.sin(_TURN), math.cos(_TURN), 0], [0, 0, 1]], dtype=torch.float64
-    )
-    with torch.no_grad():
-        f, turned_f = material(wi, wo), material(wi @ turn, wo @ turn)
-    if float((f - turned_f).abs().max()) > _ROUNDING * float(f.abs().max()):
-        raise InputError(
-            f"{path}: a MERL table holds isotropic materials, and {material.expression} changes when the surface turns "
-            "about its normal; take another target."
-        )
 
 
 def _looked_up(f: Tensor, wi: Tensor, wo: Tensor) -> Tensor:

@@ -3,8 +3,9 @@
 A material with textures is a shape in the file: the mesh with the BSDF, whose values are bitmaps in linear EXR.
 
 Conventions: `alpha` of `roughconductor` is the slope m of Beckmann's D = exp(−tan²α/m²)/(π m² cos⁴α), and the width of
-GGX; `reflectance` is an albedo; F is that of an index n − ik, of a dielectric with k = 0; masking is Smith's, for
-Beckmann by Walter's rational function. A `blendbsdf` weighs each of two lobes by half, so that both are doubled.
+GGX; `alpha_u` and `alpha_v` are those along u and v of the surface. `reflectance` is an albedo; F is that of an index
+n − ik, of a dielectric with k = 0; masking is Smith's, for Beckmann by Walter's rational function. A `blendbsdf` weighs
+each of two lobes by half, so that both are doubled.
 """
 
 from __future__ import annotations
@@ -20,7 +21,6 @@ from torch import Tensor
 
 from matest.brdf import Brdf
 from matest.brdf.fresnel import conductor
-from matest.brdf.microfacet import beckmann, ggx, smith_ggx
 from matest.directions import Directions
 from matest.errors import InputError
 from matest.export.conversion import (
@@ -31,10 +31,12 @@ from matest.export.conversion import (
     best_fit,
     check_channels,
     even_colour,
+    is_isotropic,
     measured_error,
     own_f0,
     own_slopes,
 )
+from matest.export.facets import beckmann_facets, ggx_facets, is_pair, reach, separate_ggx
 from matest.export.lobes import METALLIC, Lobe, index_of, lobes_of
 from matest.export.textured import Textured
 from matest.photographs.images import write_image
@@ -137,12 +139,12 @@ def _reflectance(values: Values, directions: Directions) -> Tensor:
         return total
     alpha = values["alpha"]
     if _distribution(values) == "ggx":
-        lobe = ggx(directions, alpha) * smith_ggx(directions, alpha)
+        lobe = ggx_facets(directions, alpha) * separate_ggx(directions, alpha)
     else:
-        cosines = directions.cos_i * directions.cos_o
-        sides = ((directions.cos_i, directions.sin_i), (directions.cos_o, directions.sin_o))
-        masking = [_walter(cos / (alpha * sin)) for cos, sin in sides]
-        lobe = beckmann(directions, alpha) * masking[0] * masking[1] / (4 * cosines)
+        cosines = (directions.cos_i, directions.cos_o)
+        sides = zip(cosines, reach(directions, alpha), strict=True)
+        toward, away = (_walter(cos / slanted) for cos, slanted in sides)
+        lobe = beckmann_facets(directions, alpha) * toward * away / (4 * cosines[0] * cosines[1])
     return total + values["specular"] * lobe * conductor(directions.cos_d, values["eta"], values["k"])
 
 
@@ -155,7 +157,7 @@ def _walter(a: Tensor) -> Tensor:
 def _families(material: Brdf) -> list[Family]:
     """`diffuse` with a rough dielectric or a rough conductor of either distribution."""
     colour, f0 = even_colour(material), own_f0(material) or 0.04
-    slopes = [torch.tensor(slope, dtype=torch.float64) for slope in own_slopes(material)]
+    slopes = own_slopes(material, pairs_of=not is_isotropic(material))
     index = index_of(torch.tensor(f0 if f0 < METALLIC else 0.04, dtype=torch.float64)).expand(3)
     metal_k = 2 * torch.tensor(max(f0, 0.5) / (1 - min(max(f0, 0.5), 0.99)), dtype=torch.float64).sqrt().expand(3)
     one, zero = torch.ones(3, dtype=torch.float64), torch.zeros(3, dtype=torch.float64)
@@ -227,7 +229,12 @@ def _body(values: Values, scale: float, bitmaps: _Bitmaps | None) -> ElementTree
 def _surface(values: Values, scale: float, bitmaps: _Bitmaps | None) -> ElementTree.Element:
     element = ElementTree.Element("bsdf", type="roughconductor")
     ElementTree.SubElement(element, "string", name="distribution", value=_distribution(values))
-    _plain(element, "float", "alpha", values["alpha"], bitmaps)
+    alpha = values["alpha"]
+    if is_pair(alpha):
+        for name, along in zip(("alpha_u", "alpha_v"), alpha, strict=True):
+            _plain(element, "float", name, along, bitmaps)
+    else:
+        _plain(element, "float", "alpha", alpha, bitmaps)
     for name in ("eta", "k"):
         _plain(element, "rgb", name, values[name], bitmaps)
     _unbounded(element, "specular_reflectance", scale * values["specular"], bitmaps)

@@ -12,9 +12,12 @@ eon                     Portsmouth, Kutz & Hill 2024: albedo, diffuse_roughness
 microfacet              specular · F D G/(4 cos θi cos θr): slope; distribution beckmann, ggx or gaussian (without its
                         constant); masking v-cavity or smith; fresnel none, dielectric (f0), schlick (f0),
                         colour-shift (f0, f0_mean) or conductor (eta, k)
+ward                    Ward 1992: specular, slope_x, slope_y; form ward, duer or bounded
 li-torrance-directional, li-torrance-subsurface, li-torrance-forward
-                        Li & Torrance 2005, eq. 9, 12 and 13: k, f0, slope_ratio σ/τ; masking on or off; law printed or
-                        reciprocal
+                        Li & Torrance 2005, eq. 9, 12 and 13: k, f0, slope_ratio σ/τ, or with anisotropy printed or
+                        corrected slope_ratio_x and slope_ratio_y; masking on or off; law printed or reciprocal
+
+Slopes with x are those along u of the surface, with y along v.
 """
 
 from __future__ import annotations
@@ -29,7 +32,7 @@ import mitsuba as mi
 # Kinds that reflect into all directions alike; the others are sampled about the mirror direction too.
 _BODIES = {"lambert", "oren-nayar", "oren-nayar-qualitative", "fujii", "eon", "li-torrance-subsurface"}
 _COLOURS = {"albedo", "specular", "k", "f0", "eta", "extinction"}
-_WORDS = {"distribution", "masking", "fresnel", "law"}
+_WORDS = {"distribution", "masking", "fresnel", "law", "form", "anisotropy"}
 # Slopes and cosines below these are replaced by them: the lobes divide by them.
 _SLOPE_FLOOR = 1e-3
 _COS_FLOOR = 1e-4
@@ -52,6 +55,9 @@ class Pair:
         self.tangential = light.x * viewer.x + light.y * viewer.y
         self.crosswise = light.x * viewer.y - light.y * viewer.x
         half = light + viewer
+        self.hx, self.hy = (side / dr.maximum(half.z, 1e-5) for side in (half.x, half.y))
+        # cos² of the azimuths of light and viewer from u.
+        self.share_i, self.share_o = dr.square(light.x / self.sin_i), dr.square(viewer.x / self.sin_o)
         self.cos_d = dr.minimum(0.5 * dr.norm(half), 1.0)
         self.tan2_half = (dr.square(half.x) + dr.square(half.y)) / dr.square(dr.maximum(half.z, 1e-5))
         self.cos2_half = 1 / (1 + self.tan2_half)
@@ -202,24 +208,49 @@ _FRESNEL = {
 }
 
 
+def ward(pair: Pair, value: Values, words: dict[str, str]) -> Any:
+    distribution = _two_slopes(pair, *(dr.maximum(value(name), _SLOPE_FLOOR) for name in ("slope_x", "slope_y")))
+    if words["form"] == "bounded":
+        return value("specular") * distribution / dr.square(2 * pair.cos_d)
+    product = pair.cos_i * pair.cos_o
+    lobe = 0.25 * distribution * dr.square(pair.cos2_half)
+    return value("specular") * lobe / (dr.sqrt(product) if words["form"] == "ward" else product)
+
+
+def _two_slopes(pair: Pair, x: Any, y: Any) -> Any:
+    """Beckmann's distribution of slopes x along u and y along v."""
+    return dr.exp(-dr.square(pair.hx / x) - dr.square(pair.hy / y)) * dr.square(1 + pair.tan2_half) / (math.pi * x * y)
+
+
 def directional(pair: Pair, value: Values, words: dict[str, str]) -> Any:
-    slope, share = _effective_slope(pair, value("slope_ratio"), words)
-    lobe = _beckmann(pair, slope) * 0.25 * share / (pair.cos_i * pair.cos_o)
+    slopes, share = _effective_slopes(pair, value, words)
+    lobe = _two_slopes(pair, *slopes) * 0.25 * share / (pair.cos_i * pair.cos_o)
     return value("k") * _schlick(pair.cos_d, value) * lobe
 
 
-def _effective_slope(pair: Pair, ratio: Any, words: dict[str, str]) -> tuple[Any, Any]:
-    """2 σe/τ, and the share S that is neither masked nor shadowed."""
+def _effective_slopes(pair: Pair, value: Values, words: dict[str, str]) -> tuple[list[Any], Any]:
+    """2 σe/τ along u and v, and the share S that is neither masked nor shadowed."""
+    law = words["anisotropy"]
+    ratios = [value(f"slope_ratio{axis}") for axis in (("", "") if law == "none" else ("_x", "_y"))]
     if words["masking"] == "off":
-        return 2 * ratio, 1.0
-    exponent = dr.minimum(dr.maximum(1 / ratio, 0.1), 1e3)
+        return [dr.maximum(2 * ratio, _SLOPE_FLOOR) for ratio in ratios], 1.0
+    exponents = [_exponent(ratios, share, law) for share in (pair.share_i, pair.share_o)]
 
-    def covered(factor: float) -> Any:
-        sides = [1 - dr.power(dr.maximum(1 - cos, 1e-7), factor * exponent) for cos in (pair.cos_i, pair.cos_o)]
-        return dr.maximum(sides[0] * sides[1], 1e-30)
+    def covered(factor: float) -> list[Any]:
+        sides = zip((pair.cos_i, pair.cos_o), exponents, strict=True)
+        return [1 - dr.power(dr.maximum(1 - cos, 1e-7), factor * exponent) for cos, exponent in sides]
 
-    effective = dr.exp(dr.maximum(0.1 * exponent * dr.log(covered(1.6)), math.log(_EFFECTIVE_FLOOR)))
-    return dr.maximum(2 * ratio * effective, _SLOPE_FLOOR), covered(1.0)
+    logs = [e * dr.log(dr.maximum(side, 1e-30)) for e, side in zip(exponents, covered(1.6), strict=True)]
+    effective = dr.exp(dr.maximum(0.1 * (logs[0] + logs[1]), math.log(_EFFECTIVE_FLOOR)))
+    toward, away = covered(1.0)
+    return [dr.maximum(2 * ratio * effective, _SLOPE_FLOOR) for ratio in ratios], toward * away
+
+
+def _exponent(ratios: list[Any], share: Any, law: str) -> Any:
+    """τ/σ along an azimuth whose cos² is `share`."""
+    x, y = (dr.square(ratio) for ratio in ratios)
+    along = share / x + (1 - share) / y if law != "corrected" else 1 / (share * x + (1 - share) * y)
+    return dr.minimum(dr.maximum(dr.sqrt(along), 0.1), 1e3)
 
 
 def subsurface(pair: Pair, value: Values, _: dict[str, str]) -> Any:
@@ -232,16 +263,19 @@ def _transmitted(pair: Pair) -> Any:
 
 
 def forward(pair: Pair, value: Values, words: dict[str, str]) -> Any:
-    slope, _ = _effective_slope(pair, value("slope_ratio"), words)
-    width = 0.25 / dr.square(dr.maximum(slope, 2e-2))
+    x, y = (0.25 / dr.square(dr.maximum(slope, 2e-2)) for slope in _effective_slopes(pair, value, words)[0])
+
+    def width(share: Any) -> Any:
+        return share * x + (1 - share) * y
+
     ahead = dr.maximum(-pair.tangential, 0.0)
 
     def tan2(sin: Any, cos: Any) -> Any:
         return (dr.square(cos) + dr.square(pair.crosswise / sin)) / dr.maximum(dr.square(ahead / sin), 1e-6)
 
-    exponent = tan2(pair.sin_i, pair.cos_o) * width
+    exponent = tan2(pair.sin_i, pair.cos_o) * width(pair.share_i)
     if words["law"] == "reciprocal":
-        exponent = 0.5 * (exponent + tan2(pair.sin_o, pair.cos_i) * width)
+        exponent = 0.5 * (exponent + tan2(pair.sin_o, pair.cos_i) * width(pair.share_o))
     lobe = dr.select(ahead > 0, dr.exp(-exponent), 0.0) * (1 - pair.cos_i) * (1 - pair.cos_o)
     return value("k") * dr.square(1 - value("f0")) * lobe * _transmitted(pair)
 
@@ -253,6 +287,7 @@ LOBES: dict[str, Callable[[Pair, Values, dict[str, str]], Any]] = {
     "fujii": fujii,
     "eon": eon,
     "microfacet": microfacet,
+    "ward": ward,
     "li-torrance-directional": directional,
     "li-torrance-subsurface": subsurface,
     "li-torrance-forward": forward,
@@ -336,10 +371,11 @@ class Matest(mi.BSDF):
         for kind, _, values in self.glossy:
             if kind == "li-torrance-forward":
                 widths.append(_WIDE)
-            elif kind == "li-torrance-directional":
-                widths.append(dr.maximum(2 * values["slope_ratio"].eval_1(si, active), 1e-2))
-            else:
-                widths.append(dr.maximum(values["slope"].eval_1(si, active), 1e-2))
+                continue
+            # The wider of two directions: its density covers the other.
+            names = [name for name in values if name.startswith("slope")]
+            widest = dr.maximum(values[names[0]].eval_1(si, active), values[names[-1]].eval_1(si, active))
+            widths.append(dr.maximum(2 * widest if kind == "li-torrance-directional" else widest, 1e-2))
         return widths
 
     def to_string(self) -> str:

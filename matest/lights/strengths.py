@@ -65,16 +65,20 @@ class Strengths:
     Attributes:
         power: irradiance of distant lights, intensity of near ones; irradiance on the sphere is π on average [K, C].
         std: relative standard errors [K, C].
-        sigma: standard deviation of the slope angles of the sphere's facets, rad (Oren-Nayar).
+        sigma: standard deviation of the slope angles of the sphere's facets, rad (Oren-Nayar); None of a flat target.
         misfit: rms residual over rms radiance.
         notes: sentences that a user should read.
+        normal: unit vector of a flat target [3]; None of a sphere.
+        normal_std: standard error of each of its two tangential angles, rad; None where it is stated.
     """
 
     power: Array
     std: Array
-    sigma: float
+    sigma: float | None
     misfit: float
     notes: tuple[str, ...] = ()
+    normal: Array | None = None
+    normal_std: float | None = None
 
     @property
     def uncertainty(self) -> float:

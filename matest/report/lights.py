@@ -11,6 +11,7 @@ from rich.console import Group
 from rich.table import Column, Table
 from rich.text import Text
 
+from matest.lights.comparison import Comparison
 from matest.lights.extent import Extent
 from matest.lights.lights import Light, Lights
 from matest.lights.mirror import Mirror
@@ -18,11 +19,18 @@ from matest.lights.strengths import Strengths
 from matest.report.format import measured
 from matest.report.tables import plain_table
 
+# Photographs with another light of a list that a sentence names, at most.
+_PAIRS = 3
 # What strengths are called, by the number of channels.
 _CHANNELS = {1: ("strength",), 3: ("strength: red", "green", "blue")}
 
 
-def lights_report(lights: Lights, mirrors: Sequence[Mirror], strengths: Strengths | None = None) -> Group:
+def lights_report(
+    lights: Lights,
+    mirrors: Sequence[Mirror],
+    strengths: Strengths | None = None,
+    comparison: Comparison | None = None,
+) -> Group:
     """The spheres, the light of every photograph, and what to know of them."""
     several = any(light.apart is not None for light in lights.lights)
     near = any(light.position is not None for light in lights.lights)
@@ -39,24 +47,34 @@ def lights_report(lights: Lights, mirrors: Sequence[Mirror], strengths: Strength
     notes = [*lights.notes, *_bounds(lights)]
     if strengths is not None:
         stated += f", intensity = {strengths.uncertainty:.2g} (relative)"
-        notes += strengths.notes
+        notes = [*notes, *_white(strengths), *strengths.notes]
     return Group(
         *(Text(line) for line in _spheres(mirrors)),
         table,
         _strengths(lights, strengths),
         Text(f"Uncertainty: {stated}."),
+        *([] if comparison is None else _against(lights, comparison)),
         *(Text(f"Note: {note}", style="yellow") for note in notes),
     )
 
 
-def lights_record(lights: Lights, mirrors: Sequence[Mirror], strengths: Strengths | None = None) -> dict[str, Any]:
+def lights_record(
+    lights: Lights,
+    mirrors: Sequence[Mirror],
+    strengths: Strengths | None = None,
+    comparison: Comparison | None = None,
+) -> dict[str, Any]:
     """The same as plain values for JSON; angles in rad."""
-    uncertainty, notes, matte = dict(lights.uncertainty), list(lights.notes), None
+    uncertainty, notes, matte, white = dict(lights.uncertainty), list(lights.notes), None, None
     records = [_record(light) for light in lights.lights]
     if strengths is not None:
         uncertainty["intensity"] = strengths.uncertainty
         notes += strengths.notes
-        matte = {"sigma": strengths.sigma, "misfit": strengths.misfit}
+        if strengths.normal is None:
+            matte = {"sigma": strengths.sigma, "misfit": strengths.misfit}
+        else:
+            normal, std = strengths.normal.tolist(), strengths.normal_std
+            white = {"normal": normal, "normal_std": std, "misfit": strengths.misfit}
         for record, power, std in zip(records, strengths.power.tolist(), strengths.std.tolist(), strict=True):
             record |= {"power": power, "power_relative_std": std}
     return {
@@ -71,10 +89,57 @@ def lights_record(lights: Lights, mirrors: Sequence[Mirror], strengths: Strength
             for sphere in mirror.spheres
         ],
         "matte": matte,
+        "white": white,
         "lights": records,
         "uncertainty": uncertainty,
+        "against": None if comparison is None else _compared(comparison),
         "notes": notes,
     }
+
+
+def _white(strengths: Strengths) -> list[str]:
+    """How a flat target lay, where that was estimated."""
+    if strengths.normal is None or strengths.normal_std is None:
+        return []
+    normal = ", ".join(f"{number:.4f}" for number in strengths.normal)
+    return [
+        f"the white target faces {normal} ± {_degrees(strengths.normal_std)}, by lights that differ as little as "
+        "possible; with --white-normal the strengths do not rest on that."
+    ]
+
+
+def _compared(comparison: Comparison) -> dict[str, Any]:
+    """How far a list is from the lights, in rad."""
+    return {
+        "file": str(comparison.listed.file),
+        "by_name": comparison.by_name,
+        "angles": comparison.angles.tolist(),
+        "median": float(np.median(comparison.angles)),
+        "worst": float(comparison.angles.max()),
+        "order": comparison.order.tolist(),
+        "median_in_that_order": float(np.median(comparison.reordered)),
+    }
+
+
+def _against(lights: Lights, comparison: Comparison) -> list[Table | Text]:
+    """The list beside what was found: a table, and what it comes to."""
+    names = [light.name for light in lights.lights]
+    table = plain_table(Column("image"), "direction in the list", Column("off by", justify="right", no_wrap=True))
+    for name, direction, angle in zip(names, comparison.directions, comparison.angles.tolist(), strict=True):
+        table.add_row(name, "  ".join(f"{number:7.4f}" for number in direction), _degrees(angle))
+    worst = names[int(comparison.angles.argmax())]
+    sentence = (
+        f"Against {comparison.listed.file}, paired by {'name' if comparison.by_name else 'order'}: median "
+        f"{_degrees(float(np.median(comparison.angles)))}, worst {_degrees(float(comparison.angles.max()))} ({worst})."
+    )
+    moved = comparison.moved
+    if not len(moved):
+        return [table, Text(f"{sentence} In no other order does the list fit better.")]
+    pairs = ", ".join(f"{names[k]} the light of {names[comparison.order[k]]}" for k in moved[:_PAIRS])
+    more = f" and {len(moved) - _PAIRS} more" if len(moved) > _PAIRS else ""
+    median = _degrees(float(np.median(comparison.reordered)))
+    note = f"Note: in another order the list fits better, median {median}: {pairs}{more}."
+    return [table, Text(sentence), Text(note, style="yellow")]
 
 
 def _record(light: Light) -> dict[str, Any]:

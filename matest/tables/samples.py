@@ -76,7 +76,6 @@ class TableSamples:
     noise: TableNoise
     incidences: tuple[Incidence, ...]
     noise_stated: bool = True
-    relative: bool = False
     device: str = "cpu"
 
     @classmethod
@@ -93,6 +92,10 @@ class TableSamples:
     @property
     def channels(self) -> int:
         return self.table.values.shape[1]
+
+    @property
+    def relative(self) -> bool:
+        return self.table.relative
 
     @cached_property
     def groups(self) -> Groups:

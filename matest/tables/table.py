@@ -20,6 +20,7 @@ class Table:
         channels: names, as R or 450 nm.
         wavelengths: of the channels in µm [C]; None: not stated.
         measure: solid angles of light and viewer that each value stands for, 1 on average [n, 1]; None: all the same.
+        relative: whether the values are known up to one common factor only.
         notes: how the file was read, as sentences.
         skipped: number of entries left out, by reason.
     """
@@ -31,6 +32,7 @@ class Table:
     channels: Sequence[str]
     wavelengths: Tensor | None = None
     measure: Tensor | None = None
+    relative: bool = False
     notes: Sequence[str] = ()
     skipped: Mapping[str, int] = field(default_factory=dict)
 

@@ -11,6 +11,7 @@ import torch
 from matest.brdf import CookTorrance
 from matest.estimation.result import load_material
 from tests.commands.conftest import Run
+from tests.tables.dome import Dome
 from tests.tables.goniometer import hemispherical, measured, write_csv
 
 MATERIAL = CookTorrance([0.3, 0.2, 0.1], 1.0, 0.15)
@@ -87,3 +88,12 @@ def test_folders_of_others_are_not_replaced(run: Run, table: Path, tmp_path: Pat
     code, _, err = run("fit", table, *DECLARED, "-o", tmp_path)
     assert code == 2
     assert "would be replaced, but holds what matest did not write" in err
+
+
+def test_the_command_fits_measurements_and_says_that_albedo_has_no_scale(run: Run, tmp_path: Path) -> None:
+    path = Dome(noise=4.0).write(tmp_path / "dome.csv")
+    code, out, err = run("fit", path, "--model", "lambert", "-o", tmp_path / "fit", "--json")
+    assert (code, err) == (0, "")
+    content = json.loads(out)
+    assert any("reported up to that scale" in warning for warning in content["warnings"])
+    assert content["skipped"]["samples"]["below the horizon"] > 0

@@ -112,6 +112,25 @@ def test_a_matte_sphere_tells_how_strong_the_lights_are(run: Run, chrome: Path, 
     assert run("lights", chrome, "--diffuse", grey, "-o", tmp_path / "out.lp")[0] == 0
 
 
+def test_a_white_target_tells_how_strong_the_lights_are(run: Run, chrome: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "white"
+    folder.mkdir()
+    for number, light in enumerate(LIGHTS):
+        level = 0.2 * (number + 1) * light[2] * np.array([1.0, 1.1, 0.9])
+        put_image(folder / f"{number:02d}.png", np.round(65535 * np.broadcast_to(level, (32, 40, 3))).astype(np.uint16))
+    arguments = ("lights", chrome, "--white", folder, "--white-normal", "0,0,1", "-o", tmp_path / "out.lp")
+    code, out, err = run(*arguments, "--json")
+    assert (code, err) == (0, "")
+    record = json.loads(out)
+    power = np.array([light["power"] for light in record["lights"]])
+    np.testing.assert_allclose(power / power[0], [[1.0] * 3, [2.0] * 3, [3.0] * 3], rtol=0.01)
+    np.testing.assert_allclose(power[0] / power[0, 0], [1.0, 1.1, 0.9], rtol=1e-3)
+    assert record["white"]["normal"] == [0, 0, 1]
+    assert record["matte"] is None
+    assert "irradiance" in (tmp_path / "out.toml").read_text("utf-8")
+    assert "green" in run(*arguments)[1]
+
+
 def test_a_light_that_is_not_clipped_has_a_solid_angle(run: Run, tmp_path: Path) -> None:
     folder = tmp_path / "dark"
     folder.mkdir()
@@ -134,14 +153,36 @@ def test_tables_of_lights_fit_an_eighty_column_terminal(
     run: Run, chrome: Path, grey: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    for captures in ([chrome], [chrome, chrome], [chrome, "--diffuse", grey]):
+    (tmp_path / "light_directions.txt").write_text("0.4 0.1 0.8\n-0.3 0.5 0.8\n0.1 -0.4 0.9\n")
+    against = ["--against", tmp_path / "light_directions.txt"]
+    for captures in ([chrome], [chrome, chrome], [chrome, "--diffuse", grey], [chrome, *against]):
         _, out, _ = run("lights", *captures, "-o", tmp_path / "out.lp")
         assert max(len(line.rstrip()) for line in out.splitlines() if str(tmp_path) not in line) <= 80
+
+
+def test_another_list_is_compared_with_what_was_found(run: Run, chrome: Path, tmp_path: Path) -> None:
+    swapped = tmp_path / "other.lp"
+    rows = [f"{name} {' '.join(map(str, LIGHTS[k]))}" for name, k in (("00.png", 1), ("01.png", 0), ("02.png", 2))]
+    swapped.write_text("\n".join(["3", *rows]))
+    code, out, err = run("lights", chrome, "-o", tmp_path / "out.lp", "--against", swapped)
+    assert (code, err) == (0, "")
+    words = " ".join(out.split())
+    assert f"Against {swapped}, paired by name: median" in words
+    assert "in another order the list fits better, median 0.0" in words
+    assert "00.png the light of 01.png, 01.png the light of 00.png." in words
+    code, _, err = run("lights", chrome, "-o", swapped, "--against", swapped)
+    assert code == 2
+    assert swapped.read_text().startswith("3\n00.png")
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        (("--white-normal", "0,0,1"), "--white-normal is that of --white FOLDER"),
+        (("--white", ".", "--white-normal", "0,0,0"), "--white-normal takes a direction X,Y,Z"),
+        (("--white", ".", "--diffuse", "."), "--white and --diffuse both measure how strong"),
+        (("--white", "missing"), "missing: no such folder; give one with photographs"),
+        (("--against", "none.lp"), "none.lp: no such list of lights; give a .lp"),
         (("--circle", "1,2"), "--circle takes X,Y,R in pixels"),
         (("--centre", "1,2,3"), "--centre needs --radius"),
         (("--diffuse-circle", "1,2,3"), "--diffuse-circle is that of --diffuse FOLDER"),
@@ -191,13 +232,17 @@ def test_photographs_whose_names_are_no_text_are_listed(run: Run, chrome: Path, 
 
 def test_a_real_mirror_sphere_gives_lights_near_the_published_ones(run: Run, tmp_path: Path) -> None:
     folder = measurement("chrome_sphere", "mask.png").parent
-    published = tomllib.loads(measurement("gray_sphere", "capture.toml").read_text("utf-8"))["image"]
-    code, out, _ = run("lights", folder, "-o", tmp_path / "out.lp", "--json")
+    published = measurement("gray_sphere", "capture.toml")
+    code, out, _ = run("lights", folder, "-o", tmp_path / "out.lp", "--against", published, "--json")
     assert code == 0
-    apart = degrees_between(directions(out), [image["lights"][0]["direction"] for image in published])
+    against = json.loads(out)["against"]
+    stated = [image["lights"][0]["direction"] for image in tomllib.loads(published.read_text("utf-8"))["image"]]
+    assert np.degrees(against["angles"]) == pytest.approx(degrees_between(directions(out), stated), abs=1e-5)
     # The list is known to a few degrees.
-    assert np.median(apart) < 3
-    assert apart.max() < 10
+    assert math.degrees(against["median"]) < 3
+    assert math.degrees(against["worst"]) < 10
+    assert against["by_name"]
+    assert against["order"] == [*range(12)]
 
 
 def test_a_mask_that_is_a_pixel_smaller_changes_lights_by_less_than_half_a_degree(run: Run, tmp_path: Path) -> None:

@@ -6,16 +6,16 @@ from typing import Any
 
 import torch
 
-from matest.brdf import CookTorrance, Eon, Fujii, Lambert, LiTorrance, OrenNayar, OrenNayarQualitative, preset
+from matest.benchmark.suites.export import FOAM, GLOSS, METAL, PAPER, SMITH_GLOSS
+from matest.brdf import CookTorrance, Eon, Fujii, Lambert, LiTorrance, OrenNayar, OrenNayarQualitative, Ward, preset
 from matest.brdf.base import Brdf
+
+__all__ = ["BRUSHED", "FOAM", "GLOSS", "METAL", "NATIVE", "PAPER", "PLUGGED", "SMITH_GLOSS", "even_pairs"]
 
 _GOLD: dict[str, Any] = {"fresnel": "conductor", "eta": [0.2, 0.4, 1.4], "k": [3.1, 2.3, 1.8]}
 
-GLOSS = CookTorrance([0.4, 0.3, 0.2], [0.9, 0.8, 0.7], 0.15)
-SMITH_GLOSS = CookTorrance([0.4, 0.3, 0.2], [0.9, 0.8, 0.7], 0.15, masking="smith")
-METAL = CookTorrance(0.0, 1.0, 0.15, masking="smith", **_GOLD)
-FOAM = preset("foam")
-PAPER = preset("laser-paper")
+# Facets that are steeper along the tangent than along the bitangent.
+BRUSHED = Ward([0.2, 0.15, 0.1], 0.6, slope_x=0.3, slope_y=0.1, anisotropy="axes", form="bounded")
 
 # What Mitsuba has itself.
 NATIVE: dict[str, Brdf] = {
@@ -46,6 +46,15 @@ PLUGGED: dict[str, Brdf] = {
     "foam": FOAM,
     "laser-paper": PAPER,
     "ground-glass": preset("ground-glass"),
+    "ward": Ward([0.2, 0.15, 0.1], 0.3, 0.2),
+    "brushed": BRUSHED,
+    "brushed-duer": Ward(0.2, 0.3, slope_x=0.1, slope_y=0.4, anisotropy="axes", form="duer"),
+    "brushed-paper": LiTorrance(
+        k_fs=2.0, forward="on", anisotropy="printed", height_rms=0.6, correlation_length_x=3.0, correlation_length_y=9.0
+    ),
+    "brushed-corrected": LiTorrance(
+        anisotropy="corrected", height_rms=0.6, correlation_length_x=9.0, correlation_length_y=3.0
+    ),
     "reciprocal": LiTorrance(k_fs=2.0, forward="on", law="reciprocal", uniform="on", k_udf=0.1, masking="off"),
 }
 

@@ -14,9 +14,10 @@ from matest.brdf import Brdf, CookTorrance, Eon, LiTorrance, OrenNayar, Torrance
 from matest.brdf.fresnel import dielectric, schlick_weight
 from matest.brdf.microfacet import beckmann
 from matest.directions import Directions
-from matest.export import gltf, materialx, merl, mitsuba
+from matest.export import gltf, materialx, mitsuba
 from matest.shading import reflectance
-from tests.export.materials import FOAM, GLOSS, METAL, PAPER
+from tests.export.materials import BRUSHED
+from tests.tolerances import CONVERSION, CONVERSION_DIGIT
 
 PAGE = (Path(__file__).parents[2] / "docs" / "conventions.md").read_text("utf-8")
 M, F0 = 0.15, 0.04
@@ -172,28 +173,25 @@ def test_reflectances_are_what_the_page_says() -> None:
     assert [float(cell) for cell in cells("Schlick")] == pytest.approx(schlick, abs=5e-5)
 
 
-@pytest.mark.parametrize(
-    ("begin", "material"),
-    [("gloss", GLOSS), ("foam", FOAM), ("metal", METAL), ("paper", PAPER)],
-    ids=lambda x: str(x)[:5],
-)
-def test_conversions_cost_what_the_page_says(begin: str, material: Brdf, tmp_path: Path) -> None:
-    line = next(line for line in PAGE.splitlines() if line.startswith(f"| {begin}:"))
-    stated = [cell.strip() for cell in line.strip("|").split("|")][1:]
+def test_two_widths_cost_what_the_page_says(tmp_path: Path) -> None:
+    stated = cells(next(line for line in PAGE.splitlines() if line.startswith("| brushed:")).split("|")[1].strip())
     written = [
-        mitsuba.write(material, tmp_path / "a.xml"),
-        mitsuba.write(material, tmp_path / "a.xml", fitted=True),
-        materialx.write(material, tmp_path / "a.mtlx"),
-        gltf.write(material, tmp_path / "a.glb"),
-        merl.write(material, tmp_path / "a.binary"),
+        mitsuba.write(BRUSHED, tmp_path / "a.xml", fitted=True),
+        materialx.write(BRUSHED, tmp_path / "a.mtlx"),
+        gltf.write(BRUSHED, tmp_path / "a.glb"),
     ]
-    for cell, conversion in zip(stated, written, strict=True):
-        if cell == "plugin":
-            assert len(conversion.files) == 2
-            continue
+    assert (stated[0], stated[-1]) == ("plugin", "refused")
+    assert len(mitsuba.write(BRUSHED, tmp_path / "a.xml").files) == 2
+    for cell, conversion in zip(stated[2:5], written, strict=True):
         error = conversion.error
-        # The last digit, and where the fit stops.
-        assert numbers(cell) == pytest.approx([100 * error.relative_rmse, 100 * error.median], rel=0.02, abs=0.06)
+        assert numbers(cell) == pytest.approx(
+            [100 * error.relative_rmse, 100 * error.median], rel=CONVERSION, abs=CONVERSION_DIGIT
+        )
+    assert written[1].parameters["surface_roughness"] == pytest.approx(
+        [written[0].parameters["alpha"][0], written[0].parameters["alpha"][1]], rel=0.3
+    )
+    xml = (tmp_path / "a.xml").read_text("utf-8")
+    assert "slope_x" in xml
 
 
 def test_what_materialx_makes_of_eon_is_as_far_off_as_the_page_says() -> None:

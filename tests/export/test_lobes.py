@@ -7,7 +7,18 @@ import math
 import pytest
 import torch
 
-from matest.brdf import Brdf, CookTorrance, HeTorrance, Lambert, LiTorrance, OrenNayar, TorranceSparrow, Ward, preset
+from matest.brdf import (
+    BlinnPhong,
+    Brdf,
+    CookTorrance,
+    HeTorrance,
+    Lambert,
+    LiTorrance,
+    OrenNayar,
+    TorranceSparrow,
+    Ward,
+    preset,
+)
 from matest.export.lobes import index_of, is_matte, lobes_of
 
 
@@ -41,16 +52,26 @@ def test_torrance_and_sparrows_lobe_is_a_gaussian_of_the_facet_angle() -> None:
 @pytest.mark.parametrize(
     "material",
     [
-        Ward(0.1, 0.5),
+        BlinnPhong(0.1, 0.5),
         HeTorrance(),
-        Lambert(0.2) + Ward(0.0, 0.5),
+        Lambert(0.2) + BlinnPhong(0.0, 0.5),
         preset("non-glare-glass"),
-        LiTorrance(correlation_length_x=4.0, correlation_length_y=9.0, anisotropy="printed"),
     ],
     ids=lambda material: material.expression,
 )
 def test_materials_with_other_parts_have_no_lobes(material: Brdf) -> None:
     assert lobes_of(material) is None
+
+
+def test_slopes_along_two_directions_are_two_values() -> None:
+    lobes = lobes_of(Ward(0.1, 0.5, slope_x=0.1, slope_y=0.3, anisotropy="axes"))
+    assert lobes is not None
+    assert [float(lobes[1].values[f"slope_{axis}"]) for axis in "xy"] == [0.1, 0.3]
+    brushed = LiTorrance(height_rms=0.6, correlation_length_x=4.0, correlation_length_y=12.0, anisotropy="corrected")
+    lobes = lobes_of(brushed)
+    assert lobes is not None
+    assert [float(lobes[1].values[f"slope_ratio_{axis}"]) for axis in "xy"] == pytest.approx([0.15, 0.05])
+    assert lobes[1].words["anisotropy"] == "corrected"
 
 
 def test_diffuse_models_are_matte() -> None:

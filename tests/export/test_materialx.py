@@ -17,10 +17,17 @@ from matest.brdf import Brdf, CookTorrance, Eon, Lambert, OrenNayar, OrenNayarQu
 from matest.errors import InputError
 from matest.export import materialx
 from matest.export.conversion import Conversion
-from tests.export.materials import FOAM, GLOSS, METAL, PAPER, even_pairs
+from tests.export.materials import BRUSHED, FOAM, GLOSS, METAL, PAPER, even_pairs
 
 mx: Any = pytest.importorskip("MaterialX")
-MATERIALS = {"gloss": GLOSS, "foam": FOAM, "metal": METAL, "paper": PAPER, "clay": OrenNayar([0.7, 0.5, 0.3], 0.5)}
+MATERIALS = {
+    "gloss": GLOSS,
+    "foam": FOAM,
+    "metal": METAL,
+    "paper": PAPER,
+    "brushed": BRUSHED,
+    "clay": OrenNayar([0.7, 0.5, 0.3], 0.5),
+}
 _LIBRARY = Path(mx.__file__).parent / "libraries" / "pbrlib" / "genglsl" / "lib"
 _FUNCTIONS = (
     "mx_oren_nayar_diffuse",
@@ -125,9 +132,10 @@ def evaluated(content: Any, glsl: types.SimpleNamespace, wi: np.ndarray, wo: np.
             else:
                 f0 = np.array(list(surface["color0"]))
                 fresnel = f0 + (1 - f0) * (1 - v_h) ** 5
-            white = glsl.ggx_dir_albedo_analytic(n_v, alpha.x, 1.0, 1.0)
+            mean = math.sqrt(alpha.x * alpha.y)
+            white = glsl.ggx_dir_albedo_analytic(n_v, mean, 1.0, 1.0)
             white = float(np.ravel(white)[0])
-            lobe = glsl.ggx_NDF(half, alpha) * glsl.ggx_smith_G2(n_l, n_v, alpha.x) / (4 * n_l * n_v)
+            lobe = glsl.ggx_NDF(half, alpha) * glsl.ggx_smith_G2(n_l, n_v, mean) / (4 * n_l * n_v)
             tint = np.array(list(surface["tint"])) if "tint" in surface else 1.0
             f = f + fresnel * lobe * tint * (1 + fresnel * (1 - white) / white)
         out.append(f)

@@ -17,7 +17,7 @@ from matest.capture.schema import CaptureFile, EncodingTable, ImageTable, LightT
 from matest.errors import InputError
 
 _NAMES = "filenames.txt"
-_DIRECTIONS = "light_directions.txt"
+DIRECTIONS = "light_directions.txt"
 _INTENSITIES = "light_intensities.txt"
 # Folders of DiLiGenT-MV, one a view.
 _VIEWS = "view_*"
@@ -29,18 +29,18 @@ _BITS_OF_PNG = 24
 
 def _find(path: Path) -> tuple[Path, ...]:
     if path.is_file():
-        return _find(path.parent) if path.name.lower() in (_NAMES, _DIRECTIONS, _INTENSITIES) else ()
+        return _find(path.parent) if path.name.lower() in (_NAMES, DIRECTIONS, _INTENSITIES) else ()
     files = folder.files_by_name(path)
-    if _DIRECTIONS in files:
-        return tuple(files[name] for name in (_DIRECTIONS, _INTENSITIES, _NAMES) if name in files)
-    views = [view for view in sorted(path.glob(_VIEWS)) if _DIRECTIONS in folder.files_by_name(view)]
+    if DIRECTIONS in files:
+        return tuple(files[name] for name in (DIRECTIONS, _INTENSITIES, _NAMES) if name in files)
+    views = [view for view in sorted(path.glob(_VIEWS)) if DIRECTIONS in folder.files_by_name(view)]
     if views:
         raise InputError(
             f"{path}: holds {len(views)} views of an object, each a capture of its own; give one or several of them, "
             f"as {views[0]}."
         )
     if _NAMES in files and _INTENSITIES in files:
-        raise InputError(f"{path}: expected {_DIRECTIONS} beside {_NAMES} and {_INTENSITIES}; put it there.")
+        raise InputError(f"{path}: expected {DIRECTIONS} beside {_NAMES} and {_INTENSITIES}; put it there.")
     return ()
 
 
@@ -66,11 +66,14 @@ def _read(files: tuple[Path, ...]) -> Content:
         for number, (x, y, z) in enumerate(directions)
     ]
     return Content(
-        tables=CaptureFile(
-            geometry=geometry,
-            mask=None if mask is None else mask.name,
-            encoding=EncodingTable(transfer="linear" if linear else None, radiometry="relative"),
-            image=[ImageTable(file=name, lights=[light]) for name, light in zip(names, lights, strict=True)],
+        tables=folder.with_view(
+            CaptureFile(
+                geometry=geometry,
+                mask=None if mask is None else mask.name,
+                encoding=EncodingTable(transfer="linear" if linear else None, radiometry="relative"),
+                image=[ImageTable(file=name, lights=[light]) for name, light in zip(names, lights, strict=True)],
+            ),
+            place,
         ),
         axes="x right, y up, z toward the viewer",
         assumptions=tuple(assumptions),

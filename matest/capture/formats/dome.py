@@ -52,19 +52,20 @@ def _read(files: tuple[Path, ...]) -> Content:
     # So that they shine with about π on the middle of the surface, as lights of unknown strength do elsewhere.
     power = math.pi * (math.fsum(_squared(vector) for vector in vectors) / len(vectors) if near else 1.0)
     strengths = [[power / factor for factor in factors] for factors in adjustments or [[1.0]] * len(vectors)]
+    tables = CaptureFile(
+        geometry=geometry,
+        mask=None if mask is None else mask.name,
+        encoding=EncodingTable(radiometry="relative"),
+        image=[
+            ImageTable(file=image.name, lights=[_light(vector, strength, near)])
+            for image, vector, strength in zip(photographs, vectors, strengths, strict=True)
+        ],
+    )
     return Content(
-        tables=CaptureFile(
-            geometry=geometry,
-            mask=None if mask is None else mask.name,
-            encoding=EncodingTable(radiometry="relative"),
-            image=[
-                ImageTable(file=image.name, lights=[_light(vector, strength, near)])
-                for image, vector, strength in zip(photographs, vectors, strengths, strict=True)
-            ],
-        ),
+        tables=folder.with_view(tables, file.parent),
         axes="x right, y up, z toward the viewer",
         assumptions=tuple(assumptions),
-        open_causes=("lights y down",),
+        open_causes=("lights y down",) if geometry.mesh is None else (),
     )
 
 

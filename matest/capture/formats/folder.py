@@ -6,7 +6,9 @@ import re
 from collections.abc import Sequence
 from pathlib import Path, PureWindowsPath
 
-from matest.capture.schema import GeometryTable
+import msgspec
+
+from matest.capture.schema import CameraTable, CaptureFile, GeometryTable
 from matest.errors import InputError
 from matest.photographs.readers import READERS
 
@@ -18,6 +20,8 @@ _EXACT_FIRST = (".mat", ".exr", ".npy", *READERS)
 _MASKS = ("mask",)
 # Suffixes of meshes.
 _MESHES = (".ply", ".obj", ".stl", ".glb", ".gltf", ".off")
+# Files and folders with cameras of other programs.
+_CAMERAS = ("transforms.json", "sparse/0", "sparse")
 # Names that a sentence lists, at most.
 _SOME = 3
 
@@ -87,6 +91,18 @@ def geometry(folder: Path, spheres: bool = True) -> GeometryTable:
         f"{folder}: expected the shape of the object beside its photographs; put a normal map (normals.exr, "
         f"Normal_gt.mat) or a mesh{sphere} into the folder."
     )
+
+
+def with_view(tables: CaptureFile, folder: Path) -> CaptureFile:
+    """Tables with what a mesh needs beside a list of lights in the axes of the camera.
+
+    That are those axes for the lights, and the camera of a transforms.json or of a model of COLMAP in the folder.
+    """
+    if tables.geometry.mesh is None:
+        return tables
+    named = next((name for name in _CAMERAS if (folder / name).exists()), None)
+    camera = None if named is None else CameraTable(file=named)
+    return msgspec.structs.replace(tables, light_axes="camera", camera=camera)
 
 
 def images(folder: Path) -> list[Path]:

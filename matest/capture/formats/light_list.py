@@ -27,7 +27,7 @@ _COORDINATES = 3
 _UNIT_TOLERANCE = 2e-3
 
 
-class _Light(NamedTuple):
+class Light(NamedTuple):
     """A line of a list.
 
     Attributes:
@@ -49,7 +49,7 @@ def _find(path: Path) -> tuple[Path, ...]:
 
 def _read(files: tuple[Path, ...]) -> Content:
     file = files[0]
-    lights = _lights(file)
+    lights = lights_in(file)
     images = [folder.image_named(file, light.name, light.line) for light in lights]
     for image, count in Counter(images).items():
         if count > 1:
@@ -67,16 +67,19 @@ def _read(files: tuple[Path, ...]) -> Content:
     assumptions = ["all lights are distant and equally strong"]
     if tables.geometry.shape is not None:
         assumptions.append("the mask is the outline of a sphere")
+    judged = tables.geometry.mesh is None
+    if not judged:
+        assumptions.append("y of the list is up, which the photographs do not decide beside a mesh")
     return Content(
-        tables=tables,
+        tables=folder.with_view(tables, file.parent),
         axes="x right, y up, z toward the viewer",
         assumptions=tuple(assumptions),
         notes=tuple(_notes(lights, images)),
-        open_causes=("lights y down",),
+        open_causes=("lights y down",) if judged else (),
     )
 
 
-def _lights(file: Path) -> list[_Light]:
+def lights_in(file: Path) -> list[Light]:
     """The lines of a list.
 
     Raises:
@@ -97,7 +100,7 @@ def _lights(file: Path) -> list[_Light]:
     return [_light(file, line, text) for line, text in lines]
 
 
-def _light(file: Path, line: int, text: str) -> _Light:
+def _light(file: Path, line: int, text: str) -> Light:
     """One light; blanks may be part of the name, which ends before the last three numbers."""
     words = text.rsplit(maxsplit=_COORDINATES)
     values = [number(word) for word in words[1:]]
@@ -106,10 +109,10 @@ def _light(file: Path, line: int, text: str) -> _Light:
     x, y, z = (value for value in values if value is not None)
     if x == y == z == 0:
         raise InputError(f"{file}: line {line} ({words[0]}) has the light 0 0 0, which is no direction; correct it.")
-    return _Light(line, words[0].strip("\"'"), (x, y, z), any("," in word for word in words[1:]))
+    return Light(line, words[0].strip("\"'"), (x, y, z), any("," in word for word in words[1:]))
 
 
-def _notes(lights: Sequence[_Light], images: Sequence[str]) -> list[str]:
+def _notes(lights: Sequence[Light], images: Sequence[str]) -> list[str]:
     notes = []
     if commas := sum(light.commas for light in lights):
         notes.append(f"{commas} of {len(lights)} lights are written with decimal commas, which are read as points.")
