@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from matest.errors import InputError
@@ -23,7 +24,7 @@ from matest.estimation.selection import select
 from matest.estimation.specification import Specification, expression_of, freed, specify_unknowns
 from matest.estimation.verdict import sentences
 from matest.estimation.warnings import Context, warnings
-from matest.estimators import Solution, fit
+from matest.estimators import Solution, fit, fit_some
 from matest.inference.error_bars import ErrorBars
 from matest.inference.posterior import judge_to_first_order
 from matest.progress import Progress, silent
@@ -191,13 +192,14 @@ def solve(
     specification = specify_unknowns(
         expression, options, channels=samples.channels, relative=samples.relative, scene=samples
     )
-    precision = options.precision or 0.0
-    solution = fit(specification.problem, samples, options.seed, progress, precision=precision)
+    # Maps only start from one value for all pixels.
+    search = fit_some if options.maps else partial(fit, precision=options.precision or 0.0)
+    solution = search(specification.problem, samples, options.seed, progress)
     wider = freed(specification, determined_by_images(specification, solution, len(samples)))
     if wider.problem.free == specification.problem.free:
         return specification, solution
     problem = wider.problem.limited(solution.problem.light_scale_limit)
-    again = fit(problem, samples, options.seed, progress, widened(problem, solution), precision)
+    again = search(problem, samples, options.seed, progress, widened(problem, solution))
     # What looked determined by its Fisher error may not be by an honest one.
     if judge_to_first_order(again, samples).not_determined:
         return specification, solution

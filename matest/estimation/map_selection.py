@@ -141,7 +141,7 @@ def _errors(
         tile = unseen.some_texels(_TEXELS, options.seed)
         model, theta = texel_model(texels, sample.fitter.unknowns), sample.fit.theta
         values = radiance(model.columns(tile, theta), model.coefficients(theta), tile.images)
-        sums = totals(tile, tile.about(values, sample.residual_scale), values)
+        sums = totals(tile, tile.about(values, sample.residual_scale), values).sum(0)
     names = ("squared_residual", "squared_signal", "chi2", "values")
     squared, signal, chi2, count = (float(sums[SCORES.index(name)]) for name in names)
     if not (signal > 0 and count):

@@ -176,7 +176,7 @@ def _in_common(fit: MapFit, maps: Mapping[str, ParameterMap], before: Solution) 
     problem, places = fit.texels.problem, fit.texels.common_places
     blocks = tuple(block for block in problem.blocks if block.name not in maps)
     held: dict[str, Tensor] = {name: each.mean if len(each.mean) > 1 else each.mean[0] for name, each in maps.items()}
-    totals = fit.totals.clone()
+    totals = fit.totals.sum(0)
     # Texels take degrees of freedom of their samples; where they take all, residuals are no measure of the fit.
     totals[SCORES.index("values")] = fit.degrees_left or totals[SCORES.index("values")]
     if not fit.degrees_left:

@@ -12,8 +12,8 @@ from matest.estimation.mapping import fit_with_maps
 from matest.estimation.misreading import Misreading
 from matest.estimation.options import Options
 from matest.estimation.parameter_map import ParameterMap
-from matest.estimation.photographs import PhotographFit, photograph_fits
-from matest.estimation.prediction import PredictionErrors, mapped_radiance, photograph_errors, prediction_errors
+from matest.estimation.photographs import PhotographFit, mapped_photograph_fits, photograph_fits
+from matest.estimation.prediction import PredictionErrors, mapped_radiance, prediction_errors
 from matest.estimation.refining import refined
 from matest.estimation.remedies import Diagnosis, diagnoses, of_pixel_area
 from matest.estimation.residual_angles import AngularResiduals, residuals_by_angle
@@ -140,7 +140,7 @@ def mapped_outcome(
         parameters=parameters,
         errors_of=lambda images: prediction_errors(capture, material, images),
         diagnosis=[mistake.diagnosis] if mistake else [],
-        images=photograph_errors(capture, material, samples.account.images, residual_scale),
+        images=mapped_photograph_fits(mapped.fit.totals, [capture.names[k] for k in samples.account.images]),
         residuals=residuals_by_angle(mapped_radiance(material, samples.texels), residual_scale, drawn),
         maps=dict(mapped.maps),
         smooth_maps=smooth,

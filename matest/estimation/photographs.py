@@ -11,6 +11,7 @@ from torch import Tensor
 from torch.nn.functional import normalize
 
 from matest.estimators import Solution
+from matest.estimators.statistics import statistics_of
 from matest.inference.image_errors import ImageErrors, image_errors
 from matest.samples import Batch
 from matest.samples.account import CalibratedSamples
@@ -112,6 +113,23 @@ def photograph_fits(
                 times=times,
             )
         )
+    return fits
+
+
+def mapped_photograph_fits(scores: Tensor, names: Sequence[str]) -> list[PhotographFit]:
+    """How well a material with maps describes photographs; those without a usable pixel are left out.
+
+    Nothing is said of their lights: what a map takes of a photograph that is odd the others do not tell.
+
+    Args:
+        scores: of every photograph, see `SCORES` [I, S].
+        names: of the photographs.
+    """
+    fits = []
+    for name, of_image in zip(names, scores, strict=True):
+        image = statistics_of(of_image[None])
+        if image.total("samples"):
+            fits.append(PhotographFit(name, image.relative_rmse, None, None, image.reduced_chi2, None))
     return fits
 
 

@@ -13,14 +13,12 @@ from torch import Tensor
 
 from matest.brdf import Brdf
 from matest.errors import InputError
-from matest.estimation.photographs import PhotographFit
 from matest.estimation.specification import optics
 from matest.estimators import Problem, Solution
 from matest.estimators.misfit import Misfit, misfit
 from matest.estimators.passes import radiance_model
 from matest.samples import Tile
 from matest.samples.account import CalibratedSamples
-from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
 from matest.shading import at_pixels, render, shade
 
 if TYPE_CHECKING:
@@ -94,41 +92,13 @@ def prediction_errors(
     )
 
 
-def photograph_errors(
-    capture: Capture, material: Brdf, images: Iterable[int], residual_scale: ResidualScale
-) -> list[PhotographFit]:
-    """How well a shaded material describes photographs; those without a usable pixel are left out.
-
-    Nothing is said of their lights: what a map takes of a photograph that is odd the others do not tell.
-
-    Args:
-        capture: with the photographs.
-        material: that is shaded.
-        images: numbers of the photographs.
-        residual_scale: by which outliers are judged.
-    """
-    fits = []
-    for image in images:
-        statistics = _misfit(capture, material, image, residual_scale=residual_scale).statistics
-        if statistics.total("samples"):
-            error, chi2 = statistics.relative_rmse, statistics.reduced_chi2
-            fits.append(PhotographFit(capture.names[image], error, None, None, chi2, None))
-    return fits
-
-
 def _median(parts: Sequence[Misfit]) -> float | None:
     """The median error of a pixel; None where there is none."""
     errors = np.concatenate([part.errors.numpy() for part in parts])
     return float(np.median(errors)) if len(errors) else None
 
 
-def _misfit(
-    capture: Capture,
-    material: Brdf,
-    image: int,
-    refined: Solution | None = None,
-    residual_scale: ResidualScale = NOISE_ALONE,
-) -> Misfit:
+def _misfit(capture: Capture, material: Brdf, image: int, refined: Solution | None) -> Misfit:
     """How far a photograph is from the shaded material.
 
     Raises:
@@ -137,7 +107,7 @@ def _misfit(
     _check_sizes(capture, material)
     samples = capture.photographs.samples([image])
     radiance = _radiance(capture, material, samples, refined)
-    return misfit(radiance, samples.tiles(merge=False), residual_scale)
+    return misfit(radiance, samples.tiles(merge=False))
 
 
 def _check_sizes(capture: Capture, material: Brdf) -> None:

@@ -75,6 +75,16 @@ def fit(
     return replace(solution, unknowns=solution.problem.wrapped(solution.unknowns))
 
 
+@single_threaded_torch()
+def fit_some(
+    problem: Problem, samples: Samples, seed: int, progress: Progress = silent, start: Tensor | None = None
+) -> Solution:
+    """The maximum-likelihood estimate from a few thousand samples, to start from; arguments are those of `fit`."""
+    progress("searching")
+    solution = fit_batches(problem, samples.pilot(_PILOT_SAMPLES, seed), start)
+    return replace(solution, unknowns=solution.problem.wrapped(solution.unknowns))
+
+
 def _grow_subsample(
     solution: Solution, count: int, samples: Samples, seed: int, precision: float
 ) -> tuple[Solution, int]:

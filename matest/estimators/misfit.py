@@ -9,11 +9,11 @@ import torch
 from torch import Tensor
 
 from matest.estimators.moments import SCORES, runs, score_sums, sum_by_label
-from matest.estimators.statistics import Statistics
+from matest.estimators.statistics import Statistics, statistics_of
 from matest.estimators.tile_sums import Expanded, over_tiles
 from matest.samples import Tile, Tiles
 from matest.samples.likelihood import LeastSquares
-from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
+from matest.samples.residual_scale import NOISE_ALONE
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,24 +30,22 @@ class Misfit:
     errors: Tensor
 
 
-def misfit(radiance: Callable[[Tile], Tensor], tiles: Tiles, residual_scale: ResidualScale = NOISE_ALONE) -> Misfit:
+def misfit(radiance: Callable[[Tile], Tensor], tiles: Tiles) -> Misfit:
     """How far samples are from a model.
 
     Args:
         radiance: gives that of the model at the samples of a tile [n, C].
         tiles: of single pixels.
-        residual_scale: by which outliers are judged.
     """
 
     def expand(tile: Tile) -> Expanded[tuple[Tensor, Tensor, Tensor]]:
         model = radiance(tile)
         return Expanded(model, lambda tile, squares: _of_tile(tile, squares, model))
 
-    parts = [_nothing(), *over_tiles(tiles, expand, residual_scale)]
+    parts = [_nothing(), *over_tiles(tiles, expand, NOISE_ALONE)]
     labels, scores, errors = (torch.cat(column) for column in zip(*parts, strict=True))
     labels, scores = sum_by_label(labels, scores)
-    none = torch.zeros(len(labels), 0, dtype=torch.float64)
-    return Misfit(Statistics(labels, none[..., None].expand(-1, 0, 0), none, scores), errors)
+    return Misfit(statistics_of(scores, labels), errors)
 
 
 def _nothing() -> tuple[Tensor, Tensor, Tensor]:

@@ -131,7 +131,7 @@ def runs(groups: Tensor | None, samples: int) -> tuple[Tensor, list[slice]]:
 
 def score_sums(problem: LeastSquares, weight: Tensor, residual: Tensor, parts: Sequence[slice]) -> Tensor:
     """The scores [B, S] of groups, from weights and residuals [C, n] and the samples of each group."""
-    rows = _score_rows(problem, weight, residual)
+    rows = torch.stack(score_rows(problem, weight, residual))
     sums = torch.stack([rows[:, part].sum(-1, dtype=torch.float64) for part in parts]).cpu()
     lengths = torch.tensor([[part.stop - part.start] for part in parts], dtype=torch.float64)
     totals = torch.cat([sums, lengths], dim=1)
@@ -140,8 +140,8 @@ def score_sums(problem: LeastSquares, weight: Tensor, residual: Tensor, parts: S
     return totals
 
 
-def _score_rows(problem: LeastSquares, weight: Tensor, residual: Tensor) -> Tensor:
-    """The scores of every sample, except the last of `SCORES` [11, n], from weights and residuals [C, n]."""
+def score_rows(problem: LeastSquares, weight: Tensor, residual: Tensor) -> list[Tensor]:
+    """The scores of every sample, except the last of `SCORES` [n] each, from weights and residuals [C, n]."""
     response, means = problem.response.T, problem.means
     squared, signal = residual.square(), response.square()
     if means is not None:
@@ -156,23 +156,29 @@ def _score_rows(problem: LeastSquares, weight: Tensor, residual: Tensor) -> Tens
     usable = ones.sum().expand(weighted.shape[1])
     if problem.errors is not None:
         model, (measured, usable_values) = response - residual, (part.T for part in problem.errors)
-        # Merged samples are never clipped: no scatter is added to a clipped value.
-        squared = torch.where(measured == response, squared, (measured - model).square())
-        signal = torch.where(measured == response, signal, measured.square())
+        exact, power = (measured - model).square(), measured.square()
+        if means is not None:
+            # Merged samples are never clipped: no scatter is added to a clipped value.
+            merged = measured == response
+            exact, power = torch.where(merged, squared, exact), torch.where(merged, signal, power)
+        squared, signal = exact, power
         share = usable_values.to(weighted)
         usable, squared, signal = ones @ share, squared * share, signal * share
-    inliers = 1 - (plain - counted)
-    every, trimmed = (ones @ squared, ones @ signal), (ones @ (squared * inliers), ones @ (signal * inliers))
-    cost, chi2, values = ones @ weighted, ones @ (weighted * counted), ones @ counted
-    outliers, rejection = ones @ plain - values, problem.rejection
-    each = rejection.T if isinstance(rejection, torch.Tensor) else rejection
-    rejected = ones @ ((plain - counted) * each)
-    rows = torch.stack([cost, chi2, values, outliers, rejected, usable, *every, *trimmed, torch.ones_like(cost)])
+    every = trimmed = ones @ squared, ones @ signal
+    cost, chi2, values = ones @ weighted, ones @ (weighted * plain), ones @ counted
+    outliers = rejected = ones @ plain - values
+    # Most tiles have none.
+    if bool(outliers.any()):
+        is_outlier, rejection = plain - counted, problem.rejection
+        inliers, each = 1 - is_outlier, rejection.T if isinstance(rejection, torch.Tensor) else rejection
+        trimmed = ones @ (squared * inliers), ones @ (signal * inliers)
+        rejected = ones @ (is_outlier * each)
+    rows = [values, outliers, rejected, usable, *every, *trimmed, torch.ones_like(cost)]
     if means is not None:
         # Each sample counts for as many pixels as it stands for; weights hold these already. One that stands for none
         # is no outlier.
-        rows[2:] *= means.pixels[:, 0]
-    return rows
+        rows = [row * means.pixels[:, 0] for row in rows]
+    return [cost, chi2, *rows]
 
 
 def with_added_cost(scores: Tensor, added: Tensor) -> Tensor:

@@ -182,3 +182,10 @@ class Statistics:
         informations[group, rows, columns] = self.informations
         gradients = torch.zeros(count, self.size, dtype=torch.float64).scatter(1, self.places, self.gradients)
         return replace(self, informations=informations, gradients=gradients, places=None)
+
+
+def statistics_of(scores: Tensor, labels: Tensor | None = None) -> Statistics:
+    """Those of groups whose scores [B, S] alone are known, without unknowns; labels [B] count them if not given."""
+    labels = torch.arange(len(scores)) if labels is None else labels
+    none = torch.zeros(len(scores), 0, dtype=torch.float64)
+    return Statistics(labels, none[..., None].expand(-1, 0, 0), none, scores)

@@ -54,9 +54,12 @@ class Photographs:
 
     def radiance(self, image: int, index: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Measured radiance [n, C] of object pixels, float32."""
+        return self.encoding.signal(self.pixels(image, index), index, self.encoding.scale / self.exposures[image])
+
+    def pixels(self, image: int, index: np.ndarray | slice) -> np.ndarray:
+        """Some of the object's pixels as stored [n, C]."""
         stored = self.stored[image]
-        pixels = stored[index] if isinstance(index, slice) else np.take(stored, index, axis=0)
-        return self.encoding.signal(pixels, index, self.encoding.scale / self.exposures[image])
+        return stored[index] if isinstance(index, slice) else np.take(stored, index, axis=0)
 
     def release(self, image: int) -> None:
         """Free the memory of an image's pixels if they are mapped from a temporary file."""

@@ -70,7 +70,7 @@ class Encoding:
             linear = linear / self.flat[index]
         return linear
 
-    def limits(self, dtype: np.dtype, index: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    def limits(self, dtype: np.dtype, index: np.ndarray | slice) -> tuple[np.ndarray, np.ndarray] | None:
         """Signals at which the sensor clips at its lower and upper end, each [1 or n, 1 or C]; None if it never does.
 
         Integers clip below half a step above zero, and from half a step below the first saturated value on.

@@ -159,10 +159,12 @@ class LitPixels:
     def __len__(self) -> int:
         return sum(self.counts)
 
-    def usable(self, position: int) -> np.ndarray:
-        """Whether each pixel of the surface is usable in the image at `position` in `images` [N]."""
-        count = len(self.photographs.scene.surface)
-        return np.unpackbits(self._selection.usable[position], count=count).view(bool)
+    def usable(self, position: int, index: slice = slice(None)) -> np.ndarray:
+        """Whether each pixel of the surface is usable in the image at `position` in `images`, or some in a row [n]."""
+        start, stop, _ = index.indices(len(self.photographs.scene.surface))
+        first = start // 8
+        bits = self._selection.usable[position][first : -(-stop // 8)]
+        return np.unpackbits(bits, count=stop - 8 * first).view(bool)[start - 8 * first :]
 
     def usable_at(self, position: int, index: np.ndarray) -> np.ndarray:
         """`usable` at some pixels [n], without a look at all the others."""
@@ -192,13 +194,13 @@ class LitPixels:
         selection = torch.from_numpy(index.astype(np.int64))
         return self.photographs.scene.points(image, selection, dtype=self.dtype, device=self.device)
 
-    def radiance(self, image: int, index: np.ndarray) -> Tensor:
+    def radiance(self, image: int, index: np.ndarray | slice) -> Tensor:
         """Measured radiance of some pixels of an image [n, C]; each channel is an array of its own."""
         return as_tensor(self.photographs.radiance(image, index).T, self.dtype, self.device).T
 
-    def clipped(self, image: int, index: np.ndarray) -> Tensor | None:
+    def clipped(self, image: int, index: np.ndarray | slice) -> Tensor | None:
         """Which values are clipped, as in `Batch`."""
-        stored = np.take(self.photographs.stored[image], index, axis=0)
+        stored = self.photographs.pixels(image, index)
         black = stored.dtype.kind == "u" and stored.min(initial=1) == 0
         if not black and not self.photographs.encoding.saturated(stored.max(axis=0, keepdims=True, initial=0)).any():
             return None
@@ -207,7 +209,7 @@ class LitPixels:
             clipped -= stored == 0
         return torch.from_numpy(clipped).to(self.device)
 
-    def limits(self, image: int, index: np.ndarray) -> Limits | None:
+    def limits(self, image: int, index: np.ndarray | slice) -> Limits | None:
         """Radiance at which some pixels of an image clip; None where none do."""
         photographs = self.photographs
         ends = photographs.encoding.limits(photographs.stored[image].dtype, index)
@@ -216,7 +218,7 @@ class LitPixels:
         scale = photographs.encoding.scale / photographs.exposures[image]
         return Limits(*(as_tensor(end * scale, self.dtype, self.device) for end in ends))
 
-    def readout(self, image: int, index: np.ndarray) -> Readout:
+    def readout(self, image: int, index: np.ndarray | slice) -> Readout:
         """Coefficients of the noise of some pixels of an image."""
         photographs = self.photographs
         flat = photographs.encoding.flat

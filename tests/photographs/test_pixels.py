@@ -87,6 +87,14 @@ def test_some_pixels_are_usable_as_among_all(kind: str) -> None:
         assert 0 < usable.sum() < len(index)
 
 
+def test_usable_pixels_in_a_row_are_those_among_all():
+    samples = photograph(sphere_scene()).samples()
+    every, count = samples.usable(0), len(samples.photographs.scene.surface)
+    # Neither end lies between two bytes of the packed flags.
+    for start, stop in ((0, 13), (11, count - 3), (count - 1, count)):
+        np.testing.assert_array_equal(samples.usable(0, slice(start, stop)), every[start:stop])
+
+
 def test_an_even_sky_lights_every_pixel():
     capture = photograph(sphere_scene())
     np.testing.assert_array_equal(capture.samples().indices(2), np.flatnonzero(~capture.scene.surface.rim))

@@ -50,6 +50,10 @@ class Elimination(NamedTuple):
         """Of the unknowns of the texels [T, n]."""
         return self.covariance.diagonal().T
 
+    def replaced(self, places: Tensor, some: Elimination) -> Elimination:
+        """The same where those at some places, int64 [m], are others."""
+        return Elimination(*(part.index_copy(-1, places, new) for part, new in zip(self, some, strict=True)))
+
     def sums(self, counted: Tensor | None = None) -> CommonSums:
         """The sums over the texels that are `counted` [n]; None: all."""
         parts = (self.information, self.scores)

@@ -29,12 +29,14 @@ _EVEN_NODES = 7
 _STARTS = 3
 # Gauss-Newton steps where all unknowns are amplitudes: products of two of them need more than one.
 _AMPLITUDE_STEPS = 2
-# Steps of a descent at most: texels that take more are told by what the last one leaves.
-_STEPS = 20
-# Expected fall of the cost below which a texel has come to its end: 0.03 standard errors.
-_END = 1e-3
-# The same of a descent that another one follows: 0.3 standard errors.
-_ROUGH_END = 0.1
+# Steps of a descent at most: texels that take more lie in a valley that tells their shape hardly at all.
+_STEPS = 10
+# Expected fall of the cost of the last step: 0.15 standard errors, of which it leaves a few hundredths.
+_END = 0.02
+# The same of a descent that another one follows: 0.6 standard errors.
+_ROUGH_END = 0.4
+# Relative change of an unknown up to which a last step need not be tried.
+_SHORT = 0.05
 # Damping of the first step, and what it is multiplied by after a failure and after a success.
 _DAMPING = 1e-3
 _FAILURE = 10.0
@@ -85,6 +87,10 @@ class TileFit:
         """Of the samples [I·n, C]."""
         return self.problem.radiance(self.theta)
 
+    def some(self, places: Tensor) -> TileFit:
+        """That of some of the texels, int64 [m], for `normal`."""
+        return TileFit(self.problem.some(places), self.theta[:, places], self.prior.some(places))
+
     def normal(self, rows: Sequence[Row]) -> TexelNormal:
         """What the samples tell of some unknowns, priors of the first rows, those of θ, included."""
         return self.prior.added(self.problem.normal(self.theta, rows), self.theta)
@@ -115,7 +121,9 @@ class TexelFitter:
             problem = TexelProblem.of(start, start.squares, theta)
             fit = TileFit(problem, self._climbed(problem, theta, prior), prior)
             # Outliers were judged by a mean that they are in.
-            return self.refined(fit) if bool(problem.squares.weight[tile.usable].eq(0).any()) else fit
+            weight = problem.squares.weight
+            has_outliers = int(weight.count_nonzero()) < int(tile.usable.count_nonzero()) * weight.shape[1]
+            return self.refined(fit) if has_outliers else fit
         start = TexelProblem(tile, self._model, tile.first_guess(reference), kept)
         problem = TexelProblem.of(start, start.squares, theta)
         nodes = self._tried(problem, theta)
@@ -254,24 +262,27 @@ class TexelFitter:
         going = torch.arange(theta.shape[1])
         here = prior.added(problem.normal(theta, rows), theta)
         now, damping = theta, torch.full_like(cost, _DAMPING)
+        is_end = torch.zeros_like(going, dtype=torch.bool)
         for _ in range(_STEPS):
             trial = (now + _step(here, now, lower, upper, damping)).clamp(lower, upper)
             change = trial - now
             fall = 2 * (here.gradient * change).sum(0) - _quadratic(here.information, change)
+            is_last = fall <= end
+            # A short step that hardly lowers the cost holds what is expected of it.
+            is_short = (change.abs() <= _SHORT * now.abs()).all(0)
+            left = (~(is_end | (is_last & is_short))).nonzero()[:, 0]
+            if len(left) < len(going):
+                theta[:, going], cost[going] = torch.where(is_end, now, trial), here.cost - fall * ~is_end
+                if not len(left):
+                    return theta, cost
+                going, now, trial, damping = going[left], now[:, left], trial[:, left], damping[left]
+                here, is_last = TexelNormal(*(part[..., left] for part in here)), is_last[left]
+                problem, prior = problem.some(left), prior.some(left)
             there = prior.added(problem.normal(trial, rows), trial)
             better = there.cost < here.cost
             now = torch.where(better, trial, now)
             here = TexelNormal(*(torch.where(better, new, old) for new, old in zip(there, here, strict=True)))
-            damping = damping * torch.where(better, _SUCCESS, _FAILURE)
-            goes_on = fall > end
-            if not bool(goes_on.all()):
-                theta[:, going], cost[going] = now, here.cost
-                left = goes_on.nonzero()[:, 0]
-                going, now, damping = going[left], now[:, left], damping[left]
-                here = TexelNormal(*(part[..., left] for part in here))
-                problem, prior = problem.some(left), prior.some(left)
-            if not len(going):
-                break
+            damping, is_end = damping * torch.where(better, _SUCCESS, _FAILURE), is_last
         theta[:, going], cost[going] = now, here.cost
         return theta, cost
 

@@ -60,7 +60,7 @@ class MapFit:
         scores: [S].
         bend: what curvature adds to these [S].
         limit: relative standard error of the shapes of texels that tell of what is in common.
-        totals: sums of the `SCORES`.
+        totals: sums of the `SCORES` of every image [I, S].
         degrees: of freedom that the texels take.
         converged: whether the last step was one that texels follow.
         residual_scale: by which outliers were judged.
@@ -85,7 +85,7 @@ class MapFit:
     regions: Regions
 
     def total(self, name: str) -> float:
-        return float(self.totals[SCORES.index(name)])
+        return float(self.totals[:, SCORES.index(name)].sum())
 
     @property
     def chi2(self) -> float:
@@ -257,9 +257,9 @@ def shared(fitter: TexelFitter, fit: TileFit, known: Knowledge) -> SharedFit:
                 without_one = (inflation * least_information(fitter, fit)).sqrt()
                 untold |= some[:, None] & (without_one > limits)
         own &= ~untold
-        if places := untold.any(0).nonzero()[:, 0].tolist():
-            fit = fitter.with_prior(fit, regions.prior(labels, own), torch.tensor(places))
-            elimination = Elimination.of(fitter, fit)
+        if len(places := untold.any(0).nonzero()[:, 0]):
+            fit = fitter.with_prior(fit, regions.prior(labels, own), places)
+            elimination = elimination.replaced(places, Elimination.of(fitter, fit.some(places)))
     return SharedFit(fit, own, counted, elimination)
 
 

@@ -175,6 +175,6 @@ def _scale(tile: TexelTile, values: Tensor) -> ResidualScale:
 
 def _inflation(tile: TexelTile, squares: LeastSquares, values: Tensor, unknowns: int) -> float:
     """χ² per degree of freedom of a tile, at least 1."""
-    sums = totals(tile, squares, values)
+    sums = totals(tile, squares, values).sum(0)
     chi2, count = (float(sums[SCORES.index(name)]) for name in ("chi2", "values"))
     return max(chi2 / max(count - unknowns * len(tile), 1.0), 1.0)

@@ -83,25 +83,55 @@ class TexelGram:
         """What the samples tell of unknowns about some coefficients, of which the first K belong to the columns."""
         count = self.reference.shape[1]
         change = at.total[:, :count] - self.reference
-        bent = (self.products * change[:, None]).sum(2)
+        bent = _times(self.products, change)
         cost = self.cost + (change * (bent - 2 * self.moments)).sum((0, 1))
         moments = self.moments - bent
-        gradient = cost.new_zeros(len(rows), len(cost))
+        gradient = cost.new_empty(len(rows), len(cost))
         information = cost.new_zeros(len(rows), len(rows), len(cost))
-        for channel in range(len(moments)):
-            inside = [k for k, row in enumerate(rows) if row.channel in (None, channel)]
-            slopes = [at.slopes[rows[k].name][channel, :count] for k in inside]
-            images = [(self.products[channel] * slope).sum(1) for slope in slopes]
-            for k, slope in zip(inside, slopes, strict=True):
-                gradient[k] += (slope * moments[channel]).sum(0)
-                for other, image in zip(inside, images, strict=True):
-                    if other <= k:
-                        information[k, other] += (slope * image).sum(0)
-        for k in range(len(rows)):
-            information[:k, k] = information[k, :k]
+        # Parameter by parameter, for all channels at once: short loops cost more than arithmetic.
+        parts = [(part, at.slopes[name][:, :count]) for name, part in _by_name(rows).items()]
+        images = [_times(self.products, slope) for _, slope in parts]
+        for k, (part, slope) in enumerate(parts):
+            gradient[part] = _of_rows((slope * moments).sum(1), part)
+            for (other, _), image in zip(parts[: k + 1], images, strict=False):
+                block = (slope * image).sum(1)
+                if _count(part) == _count(other):
+                    # Each channel has its own of both, or all share both.
+                    information[part, other].diagonal().copy_(_of_rows(block, part).T)
+                elif _count(part) > 1:
+                    information[part, other] = block[:, None]
+                else:
+                    information[part, other] = block
+                if other != part:
+                    information[other, part] = information[part, other].transpose(0, 1)
         return TexelNormal(cost, gradient, information)
 
     def some(self, places: Tensor) -> TexelGram:
         """Of some of the texels, int64 [m]."""
         parts = (self.products, self.moments, self.cost, self.reference)
         return TexelGram(*(part.index_select(-1, places) for part in parts))
+
+
+def _by_name(rows: Sequence[Row]) -> dict[str, slice]:
+    """The places of each parameter's unknowns, one for all channels or one a channel."""
+    places: dict[str, slice] = {}
+    for k, row in enumerate(rows):
+        places[row.name] = slice(places[row.name].start if row.name in places else k, k + 1)
+    return places
+
+
+def _times(matrices: Tensor, vectors: Tensor) -> Tensor:
+    """Products of matrices [C, K, K, n] with vectors [C, K, n]."""
+    out = matrices[:, :, 0] * vectors[:, :1]
+    for k in range(1, vectors.shape[1]):
+        out.addcmul_(matrices[:, :, k], vectors[:, k : k + 1])
+    return out
+
+
+def _count(part: slice) -> int:
+    return part.stop - part.start
+
+
+def _of_rows(by_channel: Tensor, part: slice) -> Tensor:
+    """Sums by channel [C, n] as those of a parameter's unknowns [1 or C, n]."""
+    return by_channel if _count(part) == len(by_channel) else by_channel.sum(0, keepdim=True)

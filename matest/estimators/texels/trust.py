@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from matest.estimators.moments import SCORES, score_sums
+from matest.estimators.moments import SCORES, score_rows
 from matest.estimators.texels.elimination import Elimination
 from matest.estimators.texels.fit import TexelFitter, TileFit
 from matest.estimators.texels.small_systems import Factored
@@ -113,17 +113,10 @@ def _root(matrices: Tensor) -> Tensor:
 
 
 def totals(tile: TexelTile, squares: LeastSquares, values: Tensor) -> Tensor:
-    """Sums of the `SCORES` of the usable samples of a tile, for radiance [I·n, C]."""
-    # Others count as if they were nothing.
-    rows = tile.usable[:, None].to(values)
-    response, errors = squares.response * rows, squares.errors
-    if errors is not None:
-        errors = errors._replace(usable=errors.usable & tile.usable[:, None])
-    residual = response - values * rows
-    least = squares._replace(response=response, errors=errors)
-    totals = score_sums(least, squares.weight.T, residual.T, [slice(0, len(rows))])[0]
-    missing = int((~tile.usable).sum())
-    if errors is None:
-        totals[SCORES.index("usable")] -= missing * residual.shape[1]
-    totals[[SCORES.index("samples"), SCORES.index("evaluated")]] -= missing
-    return totals
+    """Sums of the `SCORES` of the usable samples of every image of a tile [I, S], for radiance [I·n, C]."""
+    rows = score_rows(squares, squares.weight.T, (squares.response - values).T)
+    counted = tile.usable.to(values)
+    # In single precision, which torch sums in parts: a sum in double precision takes longer than all that it is of.
+    sums = [(row * counted).unflatten(0, (tile.images, -1)).sum(-1) for row in rows]
+    # Every usable sample is one that the model is evaluated at.
+    return torch.stack([*sums, sums[SCORES.index("samples")]], dim=-1).double()

@@ -51,8 +51,8 @@ class WeightTable:
         start: of its domain.
         step: between nodes.
         sizes: Q of each term.
-        rows: weights of all terms, and their slopes times the step, at the nodes [S, 2 K].
-        others: slopes of all terms by other shape parameters, likewise interpolated, linearly [S, K].
+        rows: coefficients of the cubics of all terms between each node and the next, of ascending powers [S − 1, 4 K].
+        others: slopes of all terms by other shape parameters, interpolated linearly [S, K].
     """
 
     name: str
@@ -76,7 +76,11 @@ class WeightTable:
             return torch.cat([part[0].expand(-1, _NODES) for part in parts]).T
 
         slopes = {key: stacked(parts) for key, parts in weights.slopes.items()}
-        rows = torch.cat([stacked(weights.plain), slopes.pop(name) * step], dim=1)
+        values, rises = stacked(weights.plain), slopes.pop(name) * step
+        change = values[1:] - values[:-1]
+        bend_before, bend_after = rises[:-1] - change, change - rises[1:]
+        powers = (values[:-1], rises[:-1], bend_after - 2 * bend_before, bend_before - bend_after)
+        rows = torch.cat(powers, dim=1)
         sizes = tuple(texels.problem.brdf.structure.columns)
         return cls(name, domain.lower, step, sizes, rows, slopes)
 
@@ -84,24 +88,22 @@ class WeightTable:
         """The weights at values [n]."""
         place = (values - self.start) / self.step
         node = place.detach().floor().clamp(0, _NODES - 2).long()
-        t = (place - node)[:, None]
-        rows = self.rows.to(values)
-        (before, rise_before), (after, rise_after) = (
-            rows.index_select(0, index).chunk(2, dim=1) for index in (node, node + 1)
-        )
-        change = after - before
-        bend_before, bend_after = rise_before - change, change - rise_after
-        weights = before + t * (change + (1 - t) * ((1 - t) * bend_before + t * bend_after))
-        slopes = change + (1 - t) * (1 - 3 * t) * bend_before + t * (2 - 3 * t) * bend_after
+        t = place - node
+        constant, linear, square, cubic = self.rows.to(values).index_select(0, node).T.contiguous().chunk(4)
+        last = square + t * cubic
+        middle = linear + t * last
+        weights = constant + t * middle
+        # Horner's scheme again, for the derivative.
+        slopes = middle + t * (last + t * cubic)
         by_name = {self.name: self._terms(slopes / self.step)}
         for name, table in self.others.items():
             table = table.to(values)
-            by_name[name] = self._terms(torch.lerp(table[node], table[node + 1], t))
+            by_name[name] = self._terms(torch.lerp(table[node], table[node + 1], t[:, None]).T)
         return UnitWeights(self._terms(weights), by_name)
 
     def _terms(self, columns: Tensor) -> list[Tensor]:
-        """Columns of all terms [n, K] by term, each [1, Q, n]."""
-        return [part[None] for part in columns.T.contiguous().split(self.sizes)]
+        """Columns of all terms [K, n] by term, each [1, Q, n]."""
+        return [part[None] for part in columns.split(self.sizes)]
 
 
 def _probe(texels: TexelUnknowns, values: Mapping[str, Tensor]) -> tuple[tuple[Term, ...], dict[str, Tensor]]:
