@@ -33,6 +33,8 @@ ALBEDO = "albedo"
 SOME_TEXELS = 2_000
 # Share of the pixels that tell a parameter, below which its mean is not reported.
 _FEW_TELL = 0.01
+# Name of what texels of little known shape add, among errors of the calibration.
+_BIAS = "bias"
 # Standard deviations of a 95 % interval.
 _QUANTILE = 1.96
 
@@ -46,14 +48,15 @@ class Mapped:
         maps: by name of the parameter.
         fit: of all texels.
         means: standard errors of the means of its unknowns [T].
-        budget: what stated errors of the calibration do to the parameters in common; None: nothing is stated.
+        budget: what adds to the noise of the parameters in common: of the calibration, of what the model misses, and of
+            the bias that texels of little known shape leave.
     """
 
     solution: Solution
     maps: Mapping[str, ParameterMap]
     fit: MapFit
     means: Tensor
-    budget: Budget | None = None
+    budget: Budget
 
     @property
     def material(self) -> Brdf:
@@ -118,16 +121,16 @@ def fit_with_maps(
         regions=options.regions, seed=options.seed, progress=progress,
     )  # fmt: skip
     further = _further_errors(fit, samples, options, stated)
-    std, means, budget = fit.std, fit.mean_std, None
+    std, means, scatters = fit.std, fit.mean_std, {_BIAS: fit.bias_scatter}
     if further:
         # What errors of the calibration do to residuals the scatter between photographs has too: the larger counts.
         places = np.stack(np.divmod(surface.pixels, surface.shape[1]), axis=1)
         relative = torch.stack([over_all(errors, places) for errors in further]).amax(0).to(std)
         std = torch.hypot(std, relative * fit.theta.abs())
         means = torch.hypot(means, torch.stack([errors.means for errors in further]).amax(0))
-        budget = max(further, key=lambda errors: float(errors.means.sum())).common
+        scatters |= max(further, key=lambda errors: float(errors.means.sum())).common.scatters
     maps = {name: _map(name, fit, std) for name in fit.texels.mapped}
-    return Mapped(_in_common(fit, maps, solution), maps, fit, means, budget)
+    return Mapped(_in_common(fit, maps, solution), maps, fit, means, Budget(fit.information, scatters))
 
 
 def _further_errors(fit: MapFit, samples: CalibratedSamples, options: Options, stated: Uncertainty) -> list[MapBudget]:
