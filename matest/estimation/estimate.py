@@ -104,8 +104,9 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         fix = {name: _of_one_channel(value, capture.channels) for name, value in options.fix.items()}
         options = replace(options, fix=fix)
     expression, selection, candidates = options.model, None, []
-    if options.automatic and options.maps and len(samples.account.images) >= FEWEST_IMAGES:
-        of_maps = select_mapped(capture, samples, options, progress)
+    by_maps = options.automatic and options.maps and len(samples.account.images) >= FEWEST_IMAGES
+    if by_maps:
+        of_maps = select_mapped(samples, options, progress)
         expression, candidates = of_maps.expression, list(of_maps.candidates)
     elif expression is None or options.automatic:
         selection = select(samples, options, progress)
@@ -128,6 +129,11 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
     if selection and mistake is None:
         said += sentences(selection, outcome.refined, explained=bool(outcome.diagnosis))
     said += outcome.notes
+    if options.automatic and options.maps and not by_maps:
+        said.append(
+            f"The model was chosen with one value of {', '.join(options.maps)} for all pixels: that takes what differs "
+            f"between them for its own. Maps choose it from {FEWEST_IMAGES} photographs on; --model names another."
+        )
     explained = bool(outcome.diagnosis or candidates)
     context = Context(
         samples, specification, solution, posterior, options.precision, said, explained, mistake is not None,

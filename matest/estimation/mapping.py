@@ -148,7 +148,7 @@ def mapped_names(problem: Problem, word: str) -> list[str]:
     Raises:
         InputError: none, or one that cannot differ from pixel to pixel.
     """
-    able = [name for name in problem.free if name not in problem.gauges and not problem.declared(name).periodic]
+    able = mappable(problem)
     bodies = [name for name in able if name in body_albedos(problem.brdf)]
     if word == ALBEDO and bodies:
         return bodies
@@ -158,6 +158,11 @@ def mapped_names(problem: Problem, word: str) -> list[str]:
     if found[0] not in able:
         raise InputError(f"--maps {word}: it is one number for the whole capture; {_choices(able)}.")
     return found[:1]
+
+
+def mappable(problem: Problem) -> list[str]:
+    """The free parameters that can differ from pixel to pixel."""
+    return [name for name in problem.free if name not in problem.gauges and not problem.declared(name).periodic]
 
 
 def _choices(names: Sequence[str]) -> str:

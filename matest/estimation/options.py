@@ -71,6 +71,8 @@ class Options:
             object.__setattr__(self, "refine", families(self.refine))
         if isinstance(self.maps, str):
             object.__setattr__(self, "maps", tuple(name for name in map(str.strip, self.maps.split(",")) if name))
+            if not self.maps:
+                raise InputError("--maps names no parameter: name one, such as --maps albedo, or omit it.")
         if not 1 <= self.regions <= _MOST_REGIONS:
             raise InputError(f"--regions is a number of materials from 1 to {_MOST_REGIONS}; got {self.regions}.")
         if self.regions > 1 and not self.maps:

@@ -52,6 +52,7 @@ def test_albedo_is_that_of_the_body_whatever_it_is_called() -> None:
         ({"maps": "gloss"}, "--maps gloss: oren-nayar estimates no such parameter; name one of albedo, sigma"),
         ({"maps": "albedo", "regions": 0}, "--regions is a number of materials from 1 to 50"),
         ({"regions": 2}, "--regions 2 says where maps share values: name the parameters with --maps"),
+        ({"maps": " , "}, "--maps names no parameter: name one, such as --maps albedo, or omit it"),
         ({"maps": "albedo", "refine": "ambient"}, "--maps and --refine do not go together"),
         ({"maps": "albedo", "precision": 0.01}, "--maps and --precision do not go together"),
     ],
