@@ -21,6 +21,7 @@ from matest.estimators.texels.maps import MISFIT_CHI2, MapFit, fit_maps
 from matest.inference.budget import SAMPLES, Budget
 from matest.inference.map_calibration import MapBudget, over_all
 from matest.inference.map_jackknife import FEWEST_IMAGES, map_jackknife
+from matest.inference.map_residuals import MapResiduals
 from matest.inference.quantities import ParameterEstimate
 from matest.progress import Progress
 from matest.samples.account import CalibratedSamples
@@ -31,6 +32,8 @@ from matest.scene import Surface
 ALBEDO = "albedo"
 # Texels from which the parameters in common are found before all texels have their say.
 SOME_TEXELS = 2_000
+# Texels whose residuals are looked at.
+_JUDGED_TEXELS = 1_000
 # Share of the pixels that tell a parameter, below which its mean is not reported.
 _FEW_TELL = 0.01
 # Name of what texels of little known shape add, among errors of the calibration.
@@ -50,6 +53,7 @@ class Mapped:
         means: standard errors of the means of its unknowns [T].
         budget: what adds to the noise of the parameters in common: of the calibration, of what the model misses, and of
             the bias that texels of little known shape leave.
+        residuals: what they tell.
     """
 
     solution: Solution
@@ -57,6 +61,7 @@ class Mapped:
     fit: MapFit
     means: Tensor
     budget: Budget
+    residuals: MapResiduals
 
     @property
     def material(self) -> Brdf:
@@ -68,6 +73,17 @@ class Mapped:
     def parameters(self, parameters: Mapping[str, ParameterEstimate]) -> dict[str, ParameterEstimate]:
         """The parameters of the model, with the mean of those that are mapped."""
         return {name: self._mean(name, each) if name in self.maps else each for name, each in parameters.items()}
+
+    @property
+    def notes(self) -> list[str]:
+        """A sentence on the shape in common that is likeliest to differ from pixel to pixel; empty where none does."""
+        words, declared = ",".join(self.maps), self.fit.texels.problem.declared
+        return [
+            f"{one.name} differs from pixel to pixel, by about ±{one.spread:.2g}{_unit(declared(one.name).unit)} rms: "
+            f"that explains {one.explained:.0%} of what residuals have beyond the noise. Until it has a map of its "
+            f"own, values are off by more than their error bars: --maps {words},{one.name.rpartition('.')[2]}."
+            for one in self.residuals.varying[:1]
+        ]
 
     def _mean(self, name: str, estimate: ParameterEstimate) -> ParameterEstimate:
         """The mean of a map, in the place of the value that was held; none where hardly a pixel tells its own."""
@@ -130,7 +146,8 @@ def fit_with_maps(
         means = torch.hypot(means, torch.stack([errors.means for errors in further]).amax(0))
         scatters |= max(further, key=lambda errors: float(errors.means.sum())).common.scatters
     maps = {name: _map(name, fit, std) for name in fit.texels.mapped}
-    return Mapped(_in_common(fit, maps, solution), maps, fit, means, Budget(fit.information, scatters))
+    residuals = MapResiduals.of(fit, samples, _JUDGED_TEXELS, options.seed)
+    return Mapped(_in_common(fit, maps, solution), maps, fit, means, Budget(fit.information, scatters), residuals)
 
 
 def _further_errors(fit: MapFit, samples: CalibratedSamples, options: Options, stated: Uncertainty) -> list[MapBudget]:
@@ -163,6 +180,11 @@ def mapped_names(problem: Problem, word: str) -> list[str]:
 def mappable(problem: Problem) -> list[str]:
     """The free parameters that can differ from pixel to pixel."""
     return [name for name in problem.free if name not in problem.gauges and not problem.declared(name).periodic]
+
+
+def _unit(unit: str) -> str:
+    """Beside a number."""
+    return "" if unit == "1" else f" {unit}"
 
 
 def _choices(names: Sequence[str]) -> str:

@@ -125,7 +125,7 @@ def mapped_outcome(
     drawn, _ = few_samples(samples, options.seed)
     parameters = mapped.parameters(posterior.estimates)
     radius, surface = options.smooth_maps, capture.scene.surface
-    notes = []
+    notes = mapped.notes if mistake is None else []
     if beside:
         notes.append(f"Error bars of a map do not hold the stated {' and '.join(beside)}.")
     smooth = {}
@@ -140,7 +140,7 @@ def mapped_outcome(
         parameters=parameters,
         errors_of=lambda images: prediction_errors(capture, material, images),
         diagnosis=[mistake.diagnosis] if mistake else [],
-        images=photograph_errors(capture, material, samples.account.images, residual_scale),
+        images=photograph_errors(capture, material, samples.account.images, residual_scale, mapped.residuals.taken),
         residuals=residuals_by_angle(mapped_radiance(material, samples.texels), residual_scale, drawn),
         maps=dict(mapped.maps),
         smooth_maps=smooth,

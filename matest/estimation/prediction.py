@@ -18,6 +18,7 @@ from matest.estimation.specification import optics
 from matest.estimators import Problem, Solution
 from matest.estimators.misfit import Misfit, misfit
 from matest.estimators.passes import radiance_model
+from matest.estimators.texels.maps import LEAST_LEFT
 from matest.samples import Tile
 from matest.samples.account import CalibratedSamples
 from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
@@ -95,7 +96,7 @@ def prediction_errors(
 
 
 def photograph_errors(
-    capture: Capture, material: Brdf, images: Iterable[int], residual_scale: ResidualScale
+    capture: Capture, material: Brdf, images: Sequence[int], residual_scale: ResidualScale, taken: Tensor
 ) -> list[PhotographFit]:
     """How well a shaded material describes photographs; those without a usable pixel are left out.
 
@@ -104,15 +105,18 @@ def photograph_errors(
     Args:
         capture: with the photographs.
         material: that is shaded.
-        images: numbers of the photographs.
+        images: numbers of the I photographs.
         residual_scale: by which outliers are judged.
+        taken: degrees of freedom that maps take of each [I]; where they take nearly all, χ² tells nothing and is 1.
     """
     fits = []
-    for image in images:
+    for image, degrees in zip(images, taken.tolist(), strict=True):
         statistics = _misfit(capture, material, image, residual_scale=residual_scale).statistics
         if statistics.total("samples"):
-            error, chi2 = statistics.relative_rmse, statistics.reduced_chi2
-            fits.append(PhotographFit(capture.names[image], error, None, None, chi2, None))
+            values = statistics.total("values")
+            left = values - degrees
+            chi2 = statistics.total("chi2") / left if left > LEAST_LEFT * values else 1.0
+            fits.append(PhotographFit(capture.names[image], statistics.relative_rmse, None, None, chi2, None))
     return fits
 
 

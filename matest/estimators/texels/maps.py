@@ -38,7 +38,7 @@ from matest.samples.texels import TexelTile, TexelTiles
 from matest.workers import in_groups, single_threaded_torch
 
 # Share of the degrees of freedom that texels must leave for residuals to tell how well the model fits.
-_LEAST_LEFT = 0.02
+LEAST_LEFT = 0.02
 # Passes over all samples: a second one where the first step of all was longer than the linear model is trusted.
 _PASSES = 3
 # Standard errors that some texels state of the parameters in common, up to which texels follow a step linearly.
@@ -98,7 +98,7 @@ class MapFit:
     def degrees_left(self) -> float:
         """Degrees of freedom that texels leave: 0 where they take so many that residuals tell nothing of the fit."""
         left = self.total("values") - self.degrees
-        return left if left > _LEAST_LEFT * self.total("values") else 0.0
+        return left if left > LEAST_LEFT * self.total("values") else 0.0
 
     @property
     def inflation(self) -> float:
