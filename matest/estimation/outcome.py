@@ -131,7 +131,11 @@ def mapped_outcome(
     smooth = {}
     if radius:
         chi2 = posterior.bars.chi2
-        smooth = {name: smoothed(each, surface, radius, parameters[name], chi2) for name, each in mapped.maps.items()}
+        shapes = mapped.fit.texels.shapes
+        smooth = {
+            name: smoothed(each, surface, radius, parameters[name], chi2, is_shape=name in shapes)
+            for name, each in mapped.maps.items()
+        }
         notes.append(smoothing_note(radius))
     return Outcome(
         solution=mapped.solution,
