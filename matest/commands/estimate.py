@@ -46,8 +46,13 @@ def estimate(
         ),
     ] = None,
     regions: Annotated[
-        int, typer.Option(metavar="N", help="Regions whose values pixels take that do not tell their own.")
-    ] = 1,
+        int | None,
+        typer.Option(
+            metavar="N",
+            help="Regions whose values pixels take that do not tell their own. Default: as many as stand apart.",
+            show_default=False,
+        ),
+    ] = None,
     smooth_maps: Annotated[
         int,
         typer.Option(

@@ -49,7 +49,7 @@ def estimate(
     uncertainty: Uncertainty | Mapping[str, float | Sequence[float]] | None = None,
     refine: str | Sequence[str] = (),
     maps: str | Sequence[str] = (),
-    regions: int = 1,
+    regions: int | None = None,
     smooth_maps: int = 0,
     progress: Progress = silent,
 ) -> Estimate:
@@ -71,7 +71,8 @@ def estimate(
         refine: families of errors of the calibration to estimate with the material, as ["direction", "pose"] or
             "direction,pose"; "all": every family; "auto": those that explain what the fit without them leaves.
         maps: parameters with a value at every pixel, as ["albedo", "sigma"] or "albedo,sigma"; "albedo" is the body's.
-        regions: number of regions, found from the maps, whose values pixels take that do not tell their own.
+        regions: number of regions, found from the maps, whose values pixels take that do not tell their own; None: as
+            many as their albedos stand apart in.
         smooth_maps: radius in pixels by which `Estimate.smooth_maps` are smoothed between edges; 0: there are none.
         progress: called with a word on what is being done.
 

@@ -76,9 +76,14 @@ class Mapped:
 
     @property
     def notes(self) -> list[str]:
-        """A sentence on the shape in common that is likeliest to differ from pixel to pixel; empty where none does."""
+        """Sentences on regions that were found, and on a shape in common that differs from pixel to pixel."""
         words, declared = ",".join(self.maps), self.fit.texels.problem.declared
-        return [
+        found = len(self.fit.regions.features)
+        regions = [
+            f"Pixels that do not tell their own value take that of their region: there are {found}, told apart by "
+            "their albedos; --regions N asks for another number."
+        ]
+        return regions * (found > 1) + [
             f"{one.name} differs from pixel to pixel, by about ±{one.spread:.2g}{_unit(declared(one.name).unit)} rms: "
             f"that explains {one.explained:.0%} of what residuals have beyond the noise. Until it has a map of its "
             f"own, values are off by more than their error bars: --maps {words},{one.name.rpartition('.')[2]}."

@@ -42,6 +42,7 @@ def test_a_shape_that_differs_is_named_with_its_size() -> None:
     mended = matest.estimate(photographed(0.2, 0.6), "oren-nayar", maps="albedo,sigma")
     assert mended.fit.reduced_chi2 < 1.1
     assert not advice(mended)
+    assert any("take that of their region: there are 2" in note for note in mended.warnings)
 
 
 def test_one_shape_is_not_taken_for_several() -> None:

@@ -147,7 +147,7 @@ def fit_maps(
     tiles: TexelTiles,
     count: int,
     *,
-    regions: int = 1,
+    regions: int | None = None,
     seed: int = 0,
     progress: Progress = silent,
 ) -> MapFit:
@@ -164,7 +164,7 @@ def fit_maps(
         few: all samples at some texels.
         tiles: all samples.
         count: N; `texels` of tiles are below it.
-        regions: number of regions whose values texels take where they have none of their own.
+        regions: number of regions whose values texels take where they have none of their own; None: found too.
         seed: of the search for regions.
         progress: called with a word on what is being done.
     """

@@ -132,7 +132,7 @@ def unbiased(sample: SomeTexels, seed: int) -> tuple[SomeTexels, float, ScoreBia
 
 
 def regions_of(
-    sample: SomeTexels, elimination: Elimination, in_common: SomeTexels | None, count: int, seed: int
+    sample: SomeTexels, elimination: Elimination, in_common: SomeTexels | None, count: int | None, seed: int
 ) -> Regions:
     """Regions of a material, and what is known of them from some texels.
 
@@ -140,7 +140,7 @@ def regions_of(
         sample: the solution over these texels.
         elimination: of them.
         in_common: the solution with one value of each shape for all of them; None: no shape is mapped.
-        count: of regions.
+        count: of regions; None: as many as stand apart.
         seed: of the search for them.
     """
     fitter, fit = sample.fitter, sample.fit

@@ -46,7 +46,7 @@ def test_the_bias_of_scores_is_their_mean_where_what_is_in_common_is_right() -> 
 
 def test_a_specular_albedo_in_common_is_right_though_few_texels_tell_their_slopes() -> None:
     subject = photographed(KIND, sphere(64), 3, seed=0, materials=2)
-    specular = estimated(KIND, subject.photograph(), regions=2).parameters["specular"]
+    specular = estimated(KIND, subject.photograph()).parameters["specular"]
     for value, (low, high) in zip(specular.value, specular.interval95, strict=True):
         assert low < 0.9 < high
         assert abs(value - 0.9) < 0.05
