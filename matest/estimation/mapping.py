@@ -51,17 +51,17 @@ class Mapped:
         maps: by name of the parameter.
         fit: of all texels.
         means: standard errors of the means of its unknowns [T].
-        budget: what adds to the noise of the parameters in common: of the calibration, of what the model misses, and of
-            the bias that texels of little known shape leave.
         residuals: what they tell.
+        budget: what adds to the noise of the parameters in common: of the calibration, of what the model misses, and of
+            the bias that texels of little known shape leave; None: nothing does.
     """
 
     solution: Solution
     maps: Mapping[str, ParameterMap]
     fit: MapFit
     means: Tensor
-    budget: Budget
     residuals: MapResiduals
+    budget: Budget | None = None
 
     @property
     def material(self) -> Brdf:
@@ -142,7 +142,8 @@ def fit_with_maps(
         regions=options.regions, seed=options.seed, progress=progress,
     )  # fmt: skip
     further = _further_errors(fit, samples, options, stated)
-    std, means, scatters = fit.std, fit.mean_std, {_BIAS: fit.bias_scatter}
+    std, means = fit.std, fit.mean_std
+    scatters = {_BIAS: fit.bias_scatter} if bool(fit.bias_scatter.any()) else {}
     if further:
         # What errors of the calibration do to residuals the scatter between photographs has too: the larger counts.
         places = np.stack(np.divmod(surface.pixels, surface.shape[1]), axis=1)
@@ -152,7 +153,8 @@ def fit_with_maps(
         scatters |= max(further, key=lambda errors: float(errors.means.sum())).common.scatters
     maps = {name: _map(name, fit, std) for name in fit.texels.mapped}
     residuals = MapResiduals.of(fit, samples, _JUDGED_TEXELS, options.seed)
-    return Mapped(_in_common(fit, maps, solution), maps, fit, means, Budget(fit.information, scatters), residuals)
+    budget = Budget(fit.information, scatters) if scatters else None
+    return Mapped(_in_common(fit, maps, solution), maps, fit, means, residuals, budget)
 
 
 def _further_errors(fit: MapFit, samples: CalibratedSamples, options: Options, stated: Uncertainty) -> list[MapBudget]:
