@@ -22,6 +22,8 @@ SKY_COSINES = 33
 _POLAR = 64
 # Gauss-Legendre nodes over the azimuth (0 to π), likewise.
 _AZIMUTH = 64
+# Values of a shape that has one at every point: linear interpolation between them is exact to 3e-3 over its domain.
+_SKY_SHAPES = 17
 # Pixels that are shaded at once: single precision RGB of one light takes 0.8 MB.
 _TILE = 1 << 16
 
@@ -33,7 +35,7 @@ def shade(brdf: Brdf, points: Points) -> Tensor:
     Parameters of shape [..., 1 or C] belong to one point each.
 
     Raises:
-        InputError: ambient light on a model whose lobes differ from point to point, parameters of other points.
+        InputError: ambient light on an anisotropic model, parameters of other points.
     """
     # Parameters per point get an axis for the lights.
     per_point = {name: value.unsqueeze(-2) for name, value in brdf.parameters.items() if value.ndim > 1}
@@ -119,7 +121,8 @@ def reflectance(brdf: Brdf, cos_o: Tensor) -> Tensor:
     """Hemispherical-directional reflectance [..., C] toward viewers at `cos_o` [..., 1] from the normal.
 
     The share of the radiance of an even sky that is reflected; by reciprocity the albedo of light from there.
-    Quadrature at 33 cosines, linear between them: exact to 1e-3 for lobes of rms slope 0.03 and more.
+    Quadrature at 33 cosines, linear between them: exact to 1e-3 for lobes of rms slope 0.03 and more. Shapes may have a
+    value at every point [n, 1 or C], each of which multiplies the time by 17.
     """
     check_sky(brdf)
     nodes = sky_nodes(cos_o.dtype, cos_o.device)
@@ -127,10 +130,7 @@ def reflectance(brdf: Brdf, cos_o: Tensor) -> Tensor:
     amplitudes = values.structure.amplitudes
     lobes = [name for name, value in values.parameters.items() if name not in amplitudes and value.ndim > 1]
     if lobes:
-        raise InputError(
-            f"ambient light needs one value of {', '.join(lobes)} for the whole surface, not one per point: take its "
-            "mean, or leave out the ambient light."
-        )
+        return _between_shapes(values, lobes[0], cos_o)
     even = {name: torch.ones_like(value) for name, value in values.parameters.items() if name in amplitudes}
     total = torch.zeros((), dtype=cos_o.dtype, device=cos_o.device)
     for term in sky_terms(values.replace(even).terms(nodes.directions)):
@@ -138,6 +138,19 @@ def reflectance(brdf: Brdf, cos_o: Tensor) -> Tensor:
         for factor in term.factors:
             part = part * factor.value(values.parameters)
         total = total + part
+    return total
+
+
+def _between_shapes(brdf: Brdf, name: str, cos_o: Tensor) -> Tensor:
+    """`reflectance` where a shape has a value at every point: linear between some values of it."""
+    value = brdf.parameters[name]
+    lower, upper = value.detach().aminmax()
+    span = (upper - lower).clamp(min=torch.finfo(value.dtype).tiny)
+    place = (value - lower) / span * (_SKY_SHAPES - 1)
+    total = torch.zeros((), dtype=cos_o.dtype, device=cos_o.device)
+    for node in range(_SKY_SHAPES):
+        share = (1 - (place - node).abs()).clamp(min=0)
+        total = total + share * reflectance(brdf.replace({name: lower + node / (_SKY_SHAPES - 1) * span}), cos_o)
     return total
 
 

@@ -113,6 +113,17 @@ def test_ambient_light_adds_its_radiance_times_the_reflectance(model):
     torch.testing.assert_close(added, (0.3 * reflectance(model, NORMAL[:, 2:])).expand_as(added), rtol=1e-12, atol=0)
 
 
+@pytest.mark.parametrize("name", ["sigma", "slope"])
+def test_under_the_sky_every_point_reflects_by_its_own_shape(name):
+    cosines, shapes = torch.linspace(0.1, 1, 7, dtype=DOUBLE)[:, None], torch.linspace(0.1, 0.4, 7, dtype=DOUBLE)
+    albedo = torch.linspace(0.2, 0.8, 7, dtype=DOUBLE)[:, None]
+    models = {"sigma": lambda at, value: OrenNayar(at, value), "slope": lambda at, value: CookTorrance(at, 0.9, value)}
+    together = reflectance(models[name](albedo, shapes.flip(0)[:, None]), cosines)
+    for k, shape in enumerate(shapes.flip(0)):
+        alone = reflectance(models[name](albedo[k], shape), cosines[k : k + 1])
+        torch.testing.assert_close(together[k : k + 1], alone, rtol=2e-3, atol=0)
+
+
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("node", [4, 16, 25, 32])
 def test_reflectance_at_a_tabulated_cosine_is_the_integral_over_the_sky(model, node):

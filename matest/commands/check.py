@@ -26,13 +26,13 @@ def check(
         list[str] | None, typer.Option(metavar="NAME=VALUE", help="Predict for this value of an estimated parameter.")
     ] = None,
     maps: Annotated[
-        str,
+        str | None,
         typer.Option(
             metavar="PARAM,...",
             help="Say what each number of the photographs allows of maps of these parameters: albedo,sigma.",
             show_default=False,
         ),
-    ] = "",
+    ] = None,
     fix: arguments.Fix = None,
     free: arguments.Free = None,
     tie: arguments.Tie = None,
@@ -56,7 +56,7 @@ def check(
     from matest import identifiability
 
     stated = arguments.uncertainty(uncertainty)
-    options = arguments.options(model, fix, free, tie, transfer, uncertainty=stated, maps=maps)
+    options = arguments.options(model, fix, free, tie, transfer, uncertainty=stated, maps=() if maps is None else maps)
     assumed = dict(arguments.assignment(text, "--at") for text in at or [])
     camera_noise = None if noise is None else arguments.noise(noise)
     with progress(str(capture)) as say:

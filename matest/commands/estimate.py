@@ -38,14 +38,21 @@ def estimate(
     uncertainty: arguments.UncertaintyOf = None,
     refine: arguments.Refine = None,
     maps: Annotated[
-        str,
+        str | None,
         typer.Option(
-            metavar="PARAM,...", help="Parameters with a value at every pixel: albedo,sigma; written to maps/."
+            metavar="PARAM,...",
+            help="Parameters with a value at every pixel: albedo,sigma; written to maps/.",
+            show_default=False,
         ),
-    ] = "",
+    ] = None,
     regions: Annotated[
-        int, typer.Option(metavar="N", help="Regions whose values pixels take that do not tell their own.")
-    ] = 1,
+        int | None,
+        typer.Option(
+            metavar="N",
+            help="Regions whose values pixels take that do not tell their own. Default: as many as stand apart.",
+            show_default=False,
+        ),
+    ] = None,
     smooth_maps: Annotated[
         int,
         typer.Option(
@@ -70,7 +77,8 @@ def estimate(
     options = arguments.options(
         model, fix, free, tie, transfer,
         holdout=arguments.indices(holdout), precision=precision, seed=seed, device=device,
-        uncertainty=arguments.uncertainty(uncertainty), refine=() if refine is None else refine, maps=maps,
+        uncertainty=arguments.uncertainty(uncertainty), refine=() if refine is None else refine,
+        maps=() if maps is None else maps,
         regions=regions,
         smooth_maps=smooth_maps,
     )  # fmt: skip

@@ -79,26 +79,19 @@ def predict(
 
 
 def _with_maps(material: Brdf, result: Path, capture: Capture) -> tuple[Brdf, dict[str, ParameterMap]]:
-    """The material with the maps of a result that belong to the view of a capture, and these maps.
+    """The material with the maps of a result, and these maps; a note says where they are of another view.
 
-    Notes say which do not, and that their means take their place.
+    Their means take their place there.
     """
     from matest.estimation.parameter_map import with_maps
     from matest.report.maps import load_maps, view_difference
 
-    surface, ambient = capture.scene.surface, bool((capture.scene.ambient > 0).any())
+    surface = capture.scene.surface
     if difference := view_difference(result, surface):
         note(f"{difference}. Maps belong to the view they were estimated in: their means are used instead.")
         return material, {}
     maps = load_maps(result, surface)
-    shapes = [name for name in maps if ambient and name not in material.structure.amplitudes]
-    if shapes:
-        note(
-            f"under the ambient light of {capture.name} {', '.join(shapes)} must have one value: the mean of the map "
-            "is used instead."
-        )
-    used = {name: each for name, each in maps.items() if name not in shapes}
-    return with_maps(material, used), used
+    return with_maps(material, maps), maps
 
 
 def _shaded_as(maps: Mapping[str, ParameterMap]) -> list[str]:

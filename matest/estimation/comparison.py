@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol, TypeVar
 
 from torch import Tensor
 
@@ -29,6 +30,29 @@ _LEAST_WORTH_SAYING = 5e-4
 _LEAST_ERROR = 1e-12
 
 
+class Contender(Protocol):
+    """A model and how it predicts what was left out."""
+
+    @property
+    def expression(self) -> str:
+        """Of the model."""
+
+    @property
+    def costs(self) -> Tensor:
+        """Squared error of each part when it was left out, in units of the noise."""
+
+    @property
+    def values(self) -> int:
+        """Number of values."""
+
+    @property
+    def holds(self) -> bool:
+        """Whether the model meets the samples to their noise."""
+
+
+Model = TypeVar("Model", bound=Contender)
+
+
 @dataclass(frozen=True, eq=False)
 class Trial:
     """A candidate fitted to the pilot.
@@ -49,17 +73,22 @@ class Trial:
     @property
     def holds(self) -> bool:
         """Whether the model meets the samples to their noise."""
-        return self.left_out.reduced_chi2 < _DESCRIBED_CHI2 + 5 * math.sqrt(2 / max(self.values, 1))
+        return describes(self.left_out.reduced_chi2, self.values)
 
     @property
-    def cost(self) -> float:
-        """Squared error of all parts when they were left out, in units of the noise."""
-        return float(self.left_out.costs.sum())
+    def expression(self) -> str:
+        """Of the model."""
+        return self.recipe.expression
+
+    @property
+    def costs(self) -> Tensor:
+        """Squared error of each part when it was left out, in units of the noise."""
+        return self.left_out.costs
 
     @property
     def score(self) -> float:
         """Error of single values left out, in units of the noise."""
-        return math.sqrt(self.cost / max(self.values, 1))
+        return score(self)
 
     @property
     def material(self) -> Brdf:
@@ -74,11 +103,21 @@ class Trial:
         return self.recipe.surface_of(max(f0, default=1.0))
 
 
-def judge_trials(trials: Sequence[Trial]) -> tuple[Trial, list[str]]:
+def describes(chi2: float, values: int) -> bool:
+    """Whether χ² per degree of freedom says that a model meets so many values to their noise."""
+    return chi2 < _DESCRIBED_CHI2 + 5 * math.sqrt(2 / max(values, 1))
+
+
+def score(trial: Contender) -> float:
+    """Error of single values left out, in units of the noise."""
+    return math.sqrt(float(trial.costs.sum()) / max(trial.values, 1))
+
+
+def judge_trials(trials: Sequence[Model]) -> tuple[Model, list[str]]:
     """The smallest trial that no later one beats, and the reason why each one was chosen or not; `{unit}` is a part."""
     best, reasons = trials[0], ["the simplest model tried"]
     for trial in trials[1:]:
-        name, share = best.recipe.expression, 1 - trial.score / max(best.score, _LEAST_ERROR)
+        name, share = best.expression, 1 - score(trial) / max(score(best), _LEAST_ERROR)
         if share < _LEAST_WORTH_SAYING:
             reasons.append(f"predicts {{unit}}s left out no better than {name}")
         elif not is_better(trial, best):
@@ -91,20 +130,21 @@ def judge_trials(trials: Sequence[Trial]) -> tuple[Trial, list[str]]:
     return best, reasons
 
 
-def is_better(trial: Trial, other: Trial) -> bool:
+def is_better(trial: Contender, other: Contender) -> bool:
     """Whether a trial predicts what was left out better than another one, by more than chance and by enough."""
-    if not is_enough(trial.cost, other):
+    if not is_enough(float(trial.costs.sum()), other):
         return False
     # Where the model holds, noise is the only chance there is.
-    return trial.holds or _is_consistent(other.left_out.costs, trial.left_out.costs)
+    return trial.holds or _is_consistent(other.costs, trial.costs)
 
 
-def is_enough(cost: float, other: Trial) -> bool:
+def is_enough(cost: float, other: Contender) -> bool:
     """Whether such a squared error of all parts left out is smaller by enough than that of a trial."""
-    gain, beyond_noise = other.cost - cost, max(other.cost - other.values, 0.0)
+    before = float(other.costs.sum())
+    gain, beyond_noise = before - cost, max(before - other.values, 0.0)
     if gain < _LEAST_GAIN * max(cost / max(other.values, 1), 1.0):
         return False
-    return gain >= _LEAST_SHARE * other.cost or gain >= _LEAST_SHARE_BEYOND_NOISE * beyond_noise
+    return gain >= _LEAST_SHARE * before or gain >= _LEAST_SHARE_BEYOND_NOISE * beyond_noise
 
 
 def _is_consistent(before: Tensor, after: Tensor) -> bool:

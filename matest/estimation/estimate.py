@@ -50,7 +50,7 @@ def estimate(
     uncertainty: Uncertainty | Mapping[str, float | Sequence[float]] | None = None,
     refine: str | Sequence[str] = (),
     maps: str | Sequence[str] = (),
-    regions: int = 1,
+    regions: int | None = None,
     smooth_maps: int = 0,
     progress: Progress = silent,
 ) -> Estimate:
@@ -72,7 +72,8 @@ def estimate(
         refine: families of errors of the calibration to estimate with the material, as ["direction", "pose"] or
             "direction,pose"; "all": every family; "auto": those that explain what the fit without them leaves.
         maps: parameters with a value at every pixel, as ["albedo", "sigma"] or "albedo,sigma"; "albedo" is the body's.
-        regions: number of regions, found from the maps, whose values pixels take that do not tell their own.
+        regions: number of regions, found from the maps, whose values pixels take that do not tell their own; None: as
+            many as their albedos stand apart in.
         smooth_maps: radius in pixels by which `Estimate.smooth_maps` are smoothed between edges; 0: there are none.
         progress: called with a word on what is being done.
 
@@ -105,8 +106,9 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         fix = {name: _of_one_channel(value, capture.channels) for name, value in options.fix.items()}
         options = replace(options, fix=fix)
     expression, selection, candidates = options.model, None, []
-    if options.automatic and options.maps and len(samples.account.images) >= FEWEST_IMAGES:
-        of_maps = select_mapped(capture, samples, options, progress)
+    by_maps = options.automatic and options.maps and len(samples.account.images) >= FEWEST_IMAGES
+    if by_maps:
+        of_maps = select_mapped(samples, options, progress)
         expression, candidates = of_maps.expression, list(of_maps.candidates)
     elif expression is None or options.automatic:
         selection = select(samples, options, progress)
@@ -129,6 +131,11 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
     if selection and mistake is None:
         said += sentences(selection, outcome.refined, explained=bool(outcome.diagnosis))
     said += outcome.notes
+    if options.automatic and options.maps and not by_maps:
+        said.append(
+            f"The model was chosen with one value of {', '.join(options.maps)} for all pixels: that takes what differs "
+            f"between them for its own. Maps choose it from {FEWEST_IMAGES} photographs on; --model names another."
+        )
     explained = bool(outcome.diagnosis or candidates)
     context = Context(
         samples, specification, solution, posterior, options.precision, said, explained, mistake is not None,

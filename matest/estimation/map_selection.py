@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
 
 import torch
+from torch import Tensor
 
 from matest.errors import InputError
-from matest.estimation.mapping import mapped_names
+from matest.estimation.comparison import describes, judge_trials, score
+from matest.estimation.mapping import mappable, mapped_names
 from matest.estimation.options import Options
 from matest.estimation.result import Candidate
+from matest.estimation.selection import none_fits
 from matest.estimation.specification import specify_unknowns
 from matest.estimators import Problem, fit
 from matest.estimators.moments import SCORES
@@ -23,9 +25,6 @@ from matest.estimators.texels.unknowns import TexelUnknowns
 from matest.progress import Progress
 from matest.samples.account import CalibratedSamples
 from matest.workers import single_threaded_torch
-
-if TYPE_CHECKING:
-    from matest.capture import Capture
 
 # Bodies alone and under a lobe of either distribution: what differs from pixel to pixel leaves finer choices open.
 CANDIDATES = (
@@ -38,16 +37,12 @@ CANDIDATES = (
 )
 # Texels that candidates are compared on.
 _TEXELS = 400
-# Of so many photographs one is left out.
-_FOLD = 4
-# Fewest photographs of which one can be left out.
-FEWEST_IMAGES = 4
+# Parts of the photographs that are left out in turn, at most.
+_FOLDS = 4
+# Fewest photographs: what is common to all pixels needs two beside the one that is predicted.
+FEWEST_IMAGES = 3
 # Relative standard error of parameters in common that suffices to start from.
 _PRECISION = 0.02
-# A larger model has to predict by this factor better.
-_BETTER = 0.99
-# Errors that differ by less are the same to people.
-_ALIKE = 1.005
 
 
 @dataclass(frozen=True)
@@ -63,87 +58,93 @@ class MapSelection:
     candidates: Sequence[Candidate]
 
 
-def select_mapped(capture: Capture, samples: CalibratedSamples, options: Options, progress: Progress) -> MapSelection:
-    """The smallest candidate that no later one predicts better than.
+def select_mapped(samples: CalibratedSamples, options: Options, progress: Progress) -> MapSelection:
+    """The smallest candidate that no later one beats, by the rules of `judge_trials`; every photograph is left out.
 
     Args:
-        capture: that the samples are of.
         samples: to fit.
         options: `maps` names the parameters.
         progress: called with a word on what is being done.
 
     Raises:
-        InputError: no candidate has the parameters of the maps.
+        InputError: no candidate has the constrained parameters, or those of the maps.
     """
-    images = list(samples.account.images)
-    left_out = images[1::_FOLD]
-    rest = [image for image in images if image not in left_out]
-    trials: list[_Trial] = []
-    refusal = InputError("")
+    problems, unfit, unmapped = {}, [], []
     for expression in CANDIDATES:
-        progress(f"trying {expression}")
         try:
-            specification = specify_unknowns(
+            problem = specify_unknowns(
                 expression, options, channels=samples.channels, relative=samples.relative, scene=samples
-            )
-            names = [name for word in options.maps for name in mapped_names(specification.problem, word)]
+            ).problem
         except InputError as error:
-            refusal = error
+            unfit.append(str(error))
             continue
-        trials.append(_Trial(expression, *_errors(capture, specification.problem, names, rest, left_out, options)))
-    if not trials:
-        raise refusal
-    best = trials[0]
-    for trial in trials[1:]:
-        if trial.relative < _BETTER * best.relative:
-            best = trial
+        try:
+            problems[expression] = problem, [name for word in options.maps for name in mapped_names(problem, word)]
+        except InputError as error:
+            unmapped.append((problem, str(error)))
+    if not problems:
+        raise InputError(_none_has_maps(options, unmapped) if unmapped else none_fits(options, unfit))
+    trials = []
+    for expression, (problem, names) in problems.items():
+        progress(f"trying {expression}")
+        trials.append(_tried(expression, problem, names, samples, options.seed))
+    best, reasons = judge_trials(trials)
     candidates = [
-        Candidate(trial.expression, trial.score, trial.relative, _reason(trial, best), chosen=trial is best)
-        for trial in trials
+        Candidate(trial.expression, score(trial), trial.relative, reason.format(unit="image"), chosen=trial is best)
+        for trial, reason in zip(trials, reasons, strict=True)
     ]
     return MapSelection(best.expression, candidates)
 
 
-class _Trial(NamedTuple):
-    """A candidate and its errors on photographs left out: in units of the noise, and relative to the signal."""
+def _none_has_maps(options: Options, unmapped: Sequence[tuple[Problem, str]]) -> str:
+    """Why no model has the maps, and what to do."""
+    words = ",".join(options.maps)
+    names = sorted({name.rpartition(".")[2] for problem, _ in unmapped for name in mappable(problem)})
+    return (
+        f"--maps {words}: no model that 'auto' tries can have these maps; name some of {', '.join(names)}, which one "
+        "model has, or the model with --model."
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """A candidate, and its errors on photographs left out.
+
+    Attributes:
+        expression: of the model.
+        costs: squared errors on each photograph, in units of the noise.
+        values: number of values.
+        holds: whether the model meets the photographs that were not left out to their noise.
+        relative: rms error over rms signal.
+    """
 
     expression: str
-    score: float
+    costs: Tensor
+    values: int
+    holds: bool
     relative: float
 
 
-def _reason(trial: _Trial, best: _Trial) -> str:
-    if trial is best:
-        return "the smallest that predicts photographs left out as well as any"
-    if trial.relative <= best.relative:
-        return "larger, and hardly better"
-    if trial.relative < _ALIKE * best.relative:
-        return "predicts photographs left out no better"
-    return f"photographs left out err {trial.relative / best.relative:.2f} times as much"
-
-
 @single_threaded_torch()
-def _errors(
-    capture: Capture,
-    problem: Problem,
-    mapped: Sequence[str],
-    rest: Sequence[int],
-    left_out: Sequence[int],
-    options: Options,
-) -> tuple[float, float]:
-    """The errors of some texels on photographs left out of their fit: in units of the noise, and relative."""
-    fitted, unseen = (capture.photographs.samples(images, distinct=True) for images in (rest, left_out))
-    start = fit(problem, fitted, options.seed, precision=_PRECISION)
+def _tried(expression: str, problem: Problem, mapped: Sequence[str], samples: CalibratedSamples, seed: int) -> _Trial:
+    """The errors of some texels on every photograph, when it was left out of their fit."""
+    start = fit(problem, samples, seed, precision=_PRECISION)
     texels = TexelUnknowns(start.problem, tuple(name for name in problem.free if name in mapped))
+    images, few = range(len(samples.account.images)), samples.some_texels(_TEXELS, seed)
+    costs, sums, chi2 = torch.zeros(len(images), dtype=torch.float64), [], []
     with torch.no_grad():
-        some = fitted.some_texels(_TEXELS, options.seed)
-        sample = descend(texels, started(texels.without_shapes(), start.unknowns, some), some)
-        tile = unseen.some_texels(_TEXELS, options.seed)
-        model, theta = texel_model(texels, sample.fitter.unknowns), sample.fit.theta
-        values = radiance(model.columns(tile, theta), model.coefficients(theta), tile.images)
-        sums = totals(tile, tile.about(values, sample.residual_scale), values).sum(0)
-    names = ("squared_residual", "squared_signal", "chi2", "values")
-    squared, signal, chi2, count = (float(sums[SCORES.index(name)]) for name in names)
-    if not (signal > 0 and count):
-        return math.inf, math.inf
-    return math.sqrt(chi2 / count), math.sqrt(squared / signal)
+        for fold in range(min(_FOLDS, len(images))):
+            left_out = images[fold::_FOLDS]
+            rest = few.of_images([image for image in images if image not in left_out])
+            sample = descend(texels, started(texels.without_shapes(), start.unknowns, rest), rest)
+            model, theta = texel_model(texels, sample.fitter.unknowns), sample.fit.theta
+            chi2.append(sample.inflation)
+            for image in left_out:
+                tile = few.of_images([image])
+                values = radiance(model.columns(tile, theta), model.coefficients(theta), 1)
+                sums.append(totals(tile, tile.about(values, sample.residual_scale), values).sum(0))
+                costs[image] = sums[-1][SCORES.index("chi2")]
+    total = dict(zip(SCORES, torch.stack(sums).sum(0).tolist(), strict=True))
+    count = int(total["values"])
+    relative = math.sqrt(total["squared_residual"] / total["squared_signal"]) if total["squared_signal"] else math.inf
+    return _Trial(expression, costs, count, describes(max(chi2), count), relative)

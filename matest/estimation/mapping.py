@@ -21,6 +21,7 @@ from matest.estimators.texels.maps import MISFIT_CHI2, MapFit, fit_maps
 from matest.inference.budget import SAMPLES, Budget
 from matest.inference.map_calibration import MapBudget, over_all
 from matest.inference.map_jackknife import FEWEST_IMAGES, map_jackknife
+from matest.inference.map_residuals import MapResiduals
 from matest.inference.quantities import ParameterEstimate
 from matest.progress import Progress
 from matest.samples.account import CalibratedSamples
@@ -31,8 +32,12 @@ from matest.scene import Surface
 ALBEDO = "albedo"
 # Texels from which the parameters in common are found before all texels have their say.
 SOME_TEXELS = 2_000
+# Texels whose residuals are looked at.
+_JUDGED_TEXELS = 1_000
 # Share of the pixels that tell a parameter, below which its mean is not reported.
 _FEW_TELL = 0.01
+# Name of what texels of little known shape add, among errors of the calibration.
+_BIAS = "bias"
 # Standard deviations of a 95 % interval.
 _QUANTILE = 1.96
 
@@ -46,13 +51,16 @@ class Mapped:
         maps: by name of the parameter.
         fit: of all texels.
         means: standard errors of the means of its unknowns [T].
-        budget: what stated errors of the calibration do to the parameters in common; None: nothing is stated.
+        residuals: what they tell.
+        budget: what adds to the noise of the parameters in common: of the calibration, of what the model misses, and of
+            the bias that texels of little known shape leave; None: nothing does.
     """
 
     solution: Solution
     maps: Mapping[str, ParameterMap]
     fit: MapFit
     means: Tensor
+    residuals: MapResiduals
     budget: Budget | None = None
 
     @property
@@ -65,6 +73,22 @@ class Mapped:
     def parameters(self, parameters: Mapping[str, ParameterEstimate]) -> dict[str, ParameterEstimate]:
         """The parameters of the model, with the mean of those that are mapped."""
         return {name: self._mean(name, each) if name in self.maps else each for name, each in parameters.items()}
+
+    @property
+    def notes(self) -> list[str]:
+        """Sentences on regions that were found, and on a shape in common that differs from pixel to pixel."""
+        words, declared = ",".join(self.maps), self.fit.texels.problem.declared
+        found = len(self.fit.regions.features)
+        regions = [
+            f"Pixels that do not tell their own value take that of their region: there are {found}, told apart by "
+            "their albedos; --regions N asks for another number."
+        ]
+        return regions * (found > 1) + [
+            f"{one.name} differs from pixel to pixel, by about ±{one.spread:.2g}{_unit(declared(one.name).unit)} rms: "
+            f"that explains {one.explained:.0%} of what residuals have beyond the noise. Until it has a map of its "
+            f"own, values are off by more than their error bars: --maps {words},{one.name.rpartition('.')[2]}."
+            for one in self.residuals.varying[:1]
+        ]
 
     def _mean(self, name: str, estimate: ParameterEstimate) -> ParameterEstimate:
         """The mean of a map, in the place of the value that was held; none where hardly a pixel tells its own."""
@@ -118,16 +142,19 @@ def fit_with_maps(
         regions=options.regions, seed=options.seed, progress=progress,
     )  # fmt: skip
     further = _further_errors(fit, samples, options, stated)
-    std, means, budget = fit.std, fit.mean_std, None
+    std, means = fit.std, fit.mean_std
+    scatters = {_BIAS: fit.bias_scatter} if bool(fit.bias_scatter.any()) else {}
     if further:
         # What errors of the calibration do to residuals the scatter between photographs has too: the larger counts.
         places = np.stack(np.divmod(surface.pixels, surface.shape[1]), axis=1)
         relative = torch.stack([over_all(errors, places) for errors in further]).amax(0).to(std)
         std = torch.hypot(std, relative * fit.theta.abs())
         means = torch.hypot(means, torch.stack([errors.means for errors in further]).amax(0))
-        budget = max(further, key=lambda errors: float(errors.means.sum())).common
+        scatters |= max(further, key=lambda errors: float(errors.means.sum())).common.scatters
     maps = {name: _map(name, fit, std) for name in fit.texels.mapped}
-    return Mapped(_in_common(fit, maps, solution), maps, fit, means, budget)
+    residuals = MapResiduals.of(fit, samples, _JUDGED_TEXELS, options.seed)
+    budget = Budget(fit.information, scatters) if scatters else None
+    return Mapped(_in_common(fit, maps, solution), maps, fit, means, residuals, budget)
 
 
 def _further_errors(fit: MapFit, samples: CalibratedSamples, options: Options, stated: Uncertainty) -> list[MapBudget]:
@@ -145,7 +172,7 @@ def mapped_names(problem: Problem, word: str) -> list[str]:
     Raises:
         InputError: none, or one that cannot differ from pixel to pixel.
     """
-    able = [name for name in problem.free if name not in problem.gauges and not problem.declared(name).periodic]
+    able = mappable(problem)
     bodies = [name for name in able if name in body_albedos(problem.brdf)]
     if word == ALBEDO and bodies:
         return bodies
@@ -155,6 +182,16 @@ def mapped_names(problem: Problem, word: str) -> list[str]:
     if found[0] not in able:
         raise InputError(f"--maps {word}: it is one number for the whole capture; {_choices(able)}.")
     return found[:1]
+
+
+def mappable(problem: Problem) -> list[str]:
+    """The free parameters that can differ from pixel to pixel."""
+    return [name for name in problem.free if name not in problem.gauges and not problem.declared(name).periodic]
+
+
+def _unit(unit: str) -> str:
+    """Beside a number."""
+    return "" if unit == "1" else f" {unit}"
 
 
 def _choices(names: Sequence[str]) -> str:

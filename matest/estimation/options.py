@@ -44,7 +44,8 @@ class Options:
         refine: families of errors of the calibration to estimate with the material, names or one text that commas
             separate; becomes a tuple, "all" every family.
         maps: parameters with a value at every pixel; "albedo" is the body's, whatever the model calls it.
-        regions: number of regions, found from the maps, whose values pixels take that do not tell their own.
+        regions: number of regions, found from the maps, whose values pixels take that do not tell their own; None: as
+            many as their albedos stand apart in.
         smooth_maps: radius in pixels by which maps are smoothed too, beside the maps as they are; 0: not at all.
 
     Raises:
@@ -63,7 +64,7 @@ class Options:
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
     refine: Sequence[str] = ()
     maps: str | Sequence[str] = ()
-    regions: int = 1
+    regions: int | None = None
     smooth_maps: int = 0
 
     def __post_init__(self) -> None:
@@ -71,9 +72,11 @@ class Options:
             object.__setattr__(self, "refine", families(self.refine))
         if isinstance(self.maps, str):
             object.__setattr__(self, "maps", tuple(name for name in map(str.strip, self.maps.split(",")) if name))
-        if not 1 <= self.regions <= _MOST_REGIONS:
+            if not self.maps:
+                raise InputError("--maps names no parameter: name one, such as --maps albedo, or omit it.")
+        if self.regions is not None and not 1 <= self.regions <= _MOST_REGIONS:
             raise InputError(f"--regions is a number of materials from 1 to {_MOST_REGIONS}; got {self.regions}.")
-        if self.regions > 1 and not self.maps:
+        if self.regions is not None and not self.maps:
             raise InputError(f"--regions {self.regions} says where maps share values: name the parameters with --maps.")
         if self.maps and (self.refine or self.precision):
             other = "--refine" if self.refine else "--precision"

@@ -124,14 +124,19 @@ def mapped_outcome(
     material, residual_scale = mapped.material, mapped.solution.residual_scale
     drawn, _ = few_samples(samples, options.seed)
     parameters = mapped.parameters(posterior.estimates)
+    names = [capture.names[image] for image in samples.account.images]
     radius, surface = options.smooth_maps, capture.scene.surface
-    notes = []
+    notes = mapped.notes if mistake is None else []
     if beside:
         notes.append(f"Error bars of a map do not hold the stated {' and '.join(beside)}.")
     smooth = {}
     if radius:
         chi2 = posterior.bars.chi2
-        smooth = {name: smoothed(each, surface, radius, parameters[name], chi2) for name, each in mapped.maps.items()}
+        shapes = mapped.fit.texels.shapes
+        smooth = {
+            name: smoothed(each, surface, radius, parameters[name], chi2, is_shape=name in shapes)
+            for name, each in mapped.maps.items()
+        }
         notes.append(smoothing_note(radius))
     return Outcome(
         solution=mapped.solution,
@@ -140,7 +145,7 @@ def mapped_outcome(
         parameters=parameters,
         errors_of=lambda images: prediction_errors(capture, material, images),
         diagnosis=[mistake.diagnosis] if mistake else [],
-        images=mapped_photograph_fits(mapped.fit.totals, [capture.names[k] for k in samples.account.images]),
+        images=mapped_photograph_fits(mapped.fit.totals, names, mapped.residuals.taken),
         residuals=residuals_by_angle(mapped_radiance(material, samples.texels), residual_scale, drawn),
         maps=dict(mapped.maps),
         smooth_maps=smooth,

@@ -12,6 +12,7 @@ from torch.nn.functional import normalize
 
 from matest.estimators import Solution
 from matest.estimators.statistics import statistics_of
+from matest.estimators.texels.maps import LEAST_LEFT
 from matest.inference.image_errors import ImageErrors, image_errors
 from matest.samples import Batch
 from matest.samples.account import CalibratedSamples
@@ -116,20 +117,24 @@ def photograph_fits(
     return fits
 
 
-def mapped_photograph_fits(scores: Tensor, names: Sequence[str]) -> list[PhotographFit]:
+def mapped_photograph_fits(scores: Tensor, names: Sequence[str], degrees: Tensor) -> list[PhotographFit]:
     """How well a material with maps describes photographs; those without a usable pixel are left out.
 
     Nothing is said of their lights: what a map takes of a photograph that is odd the others do not tell.
 
     Args:
         scores: of every photograph, see `SCORES` [I, S].
-        names: of the photographs.
+        names: of the I photographs.
+        degrees: of freedom that maps take of each [I]; where they take nearly all, χ² tells nothing and is 1.
     """
     fits = []
-    for name, of_image in zip(names, scores, strict=True):
+    for name, of_image, taken in zip(names, scores, degrees.tolist(), strict=True):
         image = statistics_of(of_image[None])
         if image.total("samples"):
-            fits.append(PhotographFit(name, image.relative_rmse, None, None, image.reduced_chi2, None))
+            values = image.total("values")
+            left = values - taken
+            chi2 = image.total("chi2") / left if left > LEAST_LEFT * values else 1.0
+            fits.append(PhotographFit(name, image.relative_rmse, None, None, chi2, None))
     return fits
 
 

@@ -165,14 +165,19 @@ def _problems(samples: Samples, options: Options) -> dict[Recipe, Problem]:
         except InputError as error:
             reasons.append(str(error))
     if not problems:
-        names = ", ".join([*options.fix, *options.free, *options.tie])
-        # That a model lacks a parameter says less than what is wrong with its value in a model that has it.
-        telling = [reason for reason in reasons if "has no parameter" not in reason] or reasons
-        raise InputError(
-            f"no model that 'auto' tries takes what was said of {names} ({telling[0].rstrip('.')}): correct it, or "
-            "name the model with --model."
-        )
+        raise InputError(none_fits(options, reasons))
     return problems
+
+
+def none_fits(options: Options, reasons: Sequence[str]) -> str:
+    """Why no model takes what was said of its parameters, from the refusals of all, and what to do."""
+    names = ", ".join([*options.fix, *options.free, *options.tie])
+    # That a model lacks a parameter says less than what is wrong with its value in a model that has it.
+    telling = [reason for reason in reasons if "has no parameter" not in reason] or reasons
+    return (
+        f"no model that 'auto' tries takes what was said of {names} ({telling[0].rstrip('.')}): correct it, or name "
+        "the model with --model."
+    )
 
 
 def _compete(
@@ -235,7 +240,7 @@ def _misfit(trial: Trial, pilot: _Pilot) -> float:
     """The error of a trial beyond the noise, as a share of the signal; 0 where it holds."""
     if trial.holds:
         return 0.0
-    beyond_noise = max(1 - trial.values / trial.cost, 0.0)
+    beyond_noise = max(1 - trial.values / float(trial.costs.sum()), 0.0)
     return trial.left_out.relative_rmse(pilot.even) * math.sqrt(beyond_noise)
 
 

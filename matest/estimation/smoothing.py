@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from torch import Tensor
-from torch.nn.functional import pad
+from torch.nn.functional import avg_pool2d, pad
 
 from matest.estimation.parameter_map import ParameterMap, TexelStatus
 from matest.inference.quantities import ParameterEstimate
@@ -39,7 +39,13 @@ class _Values(NamedTuple):
 
 
 def smoothed(
-    each: ParameterMap, surface: Surface, radius: int, mean: ParameterEstimate, chi2: float = 1.0
+    each: ParameterMap,
+    surface: Surface,
+    radius: int,
+    mean: ParameterEstimate,
+    chi2: float = 1.0,
+    *,
+    is_shape: bool = False,
 ) -> ParameterMap:
     """A map of weighted means over the pixels around every pixel that its error bar does not tell apart from it.
 
@@ -57,6 +63,8 @@ def smoothed(
         mean: of the map, whose error all pixels share in proportion: no smoothing lessens it.
         chi2: of the fit, per degree of freedom. What error bars hold beyond noise where it is above 1 is of the model,
             which is wrong in the same way at neighbours: no smoothing lessens that either.
+        is_shape: whether it is of a parameter that shapes the reflectance: its error bars grow with its values, by
+            which weights of single pixels would draw means down, so that pixels take the mean variance around them.
     """
     squared = each.std.square()
     common = (each.value * _relative_error(mean).to(each.value)).square()
@@ -69,11 +77,15 @@ def smoothed(
         box[:, rows, columns] = values.float().T
         return box
 
-    values = _Values(
-        image(torch.where(known, each.value, 0.0), 0.0), image(torch.where(known, noise, math.inf), math.inf)
-    )
     tells = known & (each.status != TexelStatus.SHARED)[:, None]
-    offered = image(torch.where(tells, 1 / noise, 0.0), 0.0)
+    spread = noise
+    if is_shape:
+        around = _box_mean(image(torch.where(tells, noise, 0.0), 0.0), image(tells, 0.0), radius)
+        spread = torch.where(tells, around[:, rows, columns].T.to(noise), noise)
+    values = _Values(
+        image(torch.where(known, each.value, 0.0), 0.0), image(torch.where(known, spread, math.inf), math.inf)
+    )
+    offered = image(torch.where(tells, 1 / spread, 0.0), 0.0)
     means = _filtered(values, offered, _FIRST)
     guide = _Values(*(torch.where(offered > 0, *pair) for pair in zip(means, values, strict=True)))
     for _ in range(_FILTERS):
@@ -106,6 +118,13 @@ def _places(surface: Surface) -> tuple[Tensor, Tensor]:
     """Rows and columns of the object's pixels in the box around them [N]."""
     rows, columns = np.divmod(surface.pixels.astype(np.int64), surface.shape[1])
     return torch.from_numpy(rows - rows.min()), torch.from_numpy(columns - columns.min())
+
+
+def _box_mean(values: Tensor, counts: Tensor, radius: int) -> Tensor:
+    """Means of the values that count, 1 or 0, over the square around every pixel [C, H, W]; 0 where none does."""
+    side = 2 * radius + 1
+    total, number = (avg_pool2d(part, side, stride=1, padding=radius) for part in (values, counts))
+    return torch.where(number > 0, total / number, 0.0)
 
 
 def _filtered(values: _Values, offered: Tensor, radius: float, guide: _Values | None = None) -> _Values:

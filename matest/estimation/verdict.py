@@ -62,7 +62,7 @@ def equivalents(best: Trial, trials: Sequence[Trial]) -> list[Trial]:
         and not is_better(best, trial)
         and not trial.recipe.components > best.recipe.components
     ]
-    return sorted(equal, key=lambda trial: trial.cost)[:_MOST_RIVALS]
+    return sorted(equal, key=lambda trial: trial.score)[:_MOST_RIVALS]
 
 
 def _nothing_holds(selection: Selection, explained: bool) -> str:

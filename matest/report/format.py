@@ -21,7 +21,7 @@ CANDIDATES_LEGEND = (
     "bands of each; of a measured table incidences (polar angles of the light)."
 )
 # What people read of the pixels of a map.
-_STATUSES = {
+STATUSES = {
     TexelStatus.DETERMINED: "determined",
     TexelStatus.AT_BOUND: "at a bound",
     TexelStatus.SHARED: "not told by their own photographs",
@@ -101,7 +101,7 @@ def status_sentences(maps: Mapping[str, ParameterMap]) -> list[str]:
 
 def _shares(each: ParameterMap) -> str:
     """`determined at 93.1% of the object's pixels, not seen at 6.9%`."""
-    present = {_STATUSES[status]: each.shares[status] for status in _STATUSES if each.shares[status]}
+    present = {STATUSES[status]: each.shares[status] for status in STATUSES if each.shares[status]}
     texts = [f"{words} at {part:.1%}" if part >= 0.0005 else f"{words} at few" for words, part in present.items()]
     return ", ".join([f"{texts[0]} of the object's pixels", *texts[1:]]) if texts else "no pixel"
 

@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from html import escape
 
 import cv2
 import numpy as np
 
-from matest.estimation.parameter_map import ParameterMap, map_file
+from matest.estimation.parameter_map import ParameterMap, TexelStatus, map_file
 from matest.estimation.result import Estimate
 from matest.photographs.photometry import srgb
-from matest.report.format import status_sentences
+from matest.report.format import STATUSES, status_sentences
 from matest.scene import Surface
 
 # Share of the pixels beyond either end of the colours: a few wild ones leave no colour to the others.
 _BEYOND = 0.005
+# Colours of what is known of a pixel, told apart by the colour-blind too (Okabe & Ito 2008), 8 bit.
+_STATUS_COLOURS = {
+    TexelStatus.DETERMINED: (0, 114, 178),
+    TexelStatus.AT_BOUND: (240, 228, 66),
+    TexelStatus.SHARED: (230, 159, 0),
+    TexelStatus.UNSEEN: (90, 90, 90),
+}
 # Brightness where there is no value, 8 bit.
 _GREY = 224
 # Colours of a scale that the page draws between.
@@ -73,14 +81,32 @@ def std_scale(each: ParameterMap) -> Scale:
     return Scale(0.0, _rounded_up(_quantile(each.std.double().numpy().mean(axis=1), 1 - _BEYOND)))
 
 
-def value_picture(each: ParameterMap, surface: Surface, unit: str) -> np.ndarray:
+def value_picture(each: ParameterMap, surface: Surface, scale: Scale) -> np.ndarray:
     """The preview of the values [H, W, 3]."""
-    return surface.image(value_scale(each, unit).colours(each.value.double().numpy()), background=_GREY)
+    return surface.image(scale.colours(each.value.double().numpy()), background=_GREY)
 
 
 def std_picture(each: ParameterMap, surface: Surface) -> np.ndarray:
     """The preview of the standard errors [H, W, 3]."""
     return surface.image(std_scale(each).colours(each.std.double().numpy()), background=_GREY)
+
+
+def known_picture(each: ParameterMap, surface: Surface) -> np.ndarray:
+    """The preview of the status of every pixel [H, W, 3]: its codes are next to black to the eye."""
+    colours = np.array([_STATUS_COLOURS[status] for status in TexelStatus], np.uint8)
+    return surface.image(colours[each.status.numpy()], background=_GREY)
+
+
+def pictures(estimate: Estimate, surface: Surface) -> Iterator[tuple[str, np.ndarray]]:
+    """The previews of all maps, by their file in a result folder."""
+    for name, each in estimate.maps.items():
+        scale = value_scale(each, estimate.parameters[name].unit)
+        yield picture_file(name), value_picture(each, surface, scale)
+        yield picture_file(name, "std"), std_picture(each, surface)
+        yield picture_file(name, "known"), known_picture(each, surface)
+        if smooth := estimate.smooth_maps.get(name):
+            yield picture_file(name, "smooth"), value_picture(smooth, surface, scale)
+            yield picture_file(name, "smooth_std"), std_picture(smooth, surface)
 
 
 def picture_file(name: str, kind: str = "") -> str:
@@ -92,14 +118,13 @@ def maps_section(estimate: Estimate, *, previews: bool = True) -> str:
     """Previews of maps and of their standard errors, and what share of them is known; empty where there are none."""
     if not estimate.maps:
         return ""
-    legend = "The numbers are in maps/NAME.exr and NAME_std.exr, the status of every pixel in NAME_status.png."
+    legend = "The numbers are in maps/NAME.exr and NAME_std.exr, the code of every pixel's status in "
+    legend += "NAME_status.png: 0 not seen, 1 determined, 2 at a bound, 3 not told by its own photographs."
     if previews:
         legend += " Grey is the background, and what no photograph shows."
     lines = ["<h2>Maps</h2>", *(f"<p>{escape(line)}</p>" for line in (*status_sentences(estimate.maps), legend))]
     if previews:
-        units = {name: estimate.parameters[name].unit for name in estimate.maps}
-        rows = (_figures(name, each, units[name]) for name, each in estimate.maps.items())
-        lines += [f'<div class="images">{"".join(row)}</div>' for row in rows]
+        lines += [f'<div class="images">{"".join(_figures(name, estimate))}</div>' for name in estimate.maps]
     return "\n".join(lines)
 
 
@@ -110,20 +135,42 @@ def style() -> str:
     return (
         f".scale {{ height: .7rem; margin-top: .2rem; background: linear-gradient(to right, {colours}); }}\n"
         ".ticks { display: flex; justify-content: space-between; text-align: center; }\n"
+        ".swatch { display: inline-block; width: .7rem; height: .7rem; }\n"
         ".images + .images { margin-top: .8rem; }\n"
     )
 
 
-def _figures(name: str, each: ParameterMap, unit: str) -> list[str]:
-    """The figures of a map and of its standard errors, as HTML."""
+def _figures(name: str, estimate: Estimate) -> list[str]:
+    """The figures of a map, of its standard errors, of what is known, and of the smoothed map, as HTML."""
+    each, smooth, unit = estimate.maps[name], estimate.smooth_maps.get(name), estimate.parameters[name].unit
     of_channels = ", mean of the channels" if each.std.shape[1] > 1 else ""
-    captions = {"": name, "std": f"standard error of {name}{of_channels}"}
-    scales = {"": value_scale(each, unit), "std": std_scale(each)}
+    scale = value_scale(each, unit)
+    shown = [
+        ("", name + _exposure(scale), _key(scale, unit)),
+        ("std", f"standard error of {name}{of_channels}", _key(std_scale(each), unit)),
+        ("known", f"what is known of {name}", _status_key(each)),
+    ]
+    if smooth is not None:
+        shown += [
+            ("smooth", f"{name}, smoothed{_exposure(scale)}", _key(scale, unit)),
+            ("smooth_std", f"standard error of {name}, smoothed{of_channels}", _key(std_scale(smooth), unit)),
+        ]
     return [
         f'<figure><img src="{escape(picture_file(name, kind))}" alt="{escape(caption)}" loading="lazy">'
-        f"{_key(scales[kind], unit)}<figcaption>{escape(caption + _exposure(scales[kind]))}</figcaption></figure>"
-        for kind, caption in captions.items()
+        f"{key}<figcaption>{escape(caption)}</figcaption></figure>"
+        for kind, caption, key in shown
     ]
+
+
+def _status_key(each: ParameterMap) -> str:
+    """What the colours of `known_picture` stand for, as HTML."""
+    present = [status for status in STATUSES if each.shares[status]]
+    swatches = (
+        f'<span><i class="swatch" style="background: #{bytes(_STATUS_COLOURS[status]).hex()}"></i> '
+        f"{STATUSES[status]}</span>"
+        for status in present
+    )
+    return f'<figcaption class="legend">{"<br>".join(swatches)}</figcaption>'
 
 
 def _exposure(scale: Scale) -> str:

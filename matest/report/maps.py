@@ -11,7 +11,7 @@ from matest.errors import InputError
 from matest.estimation.parameter_map import ParameterMap, TexelStatus, map_file
 from matest.estimation.result import Estimate
 from matest.photographs.images import read_image, write_image
-from matest.report.map_figures import picture_file, std_picture, value_picture
+from matest.report.map_figures import picture_file, pictures
 from matest.scene import Surface
 
 # The normals of the object that maps belong to, in world coordinates; black off the object.
@@ -25,9 +25,10 @@ _TURN = 3.0
 
 
 def write_maps(estimate: Estimate, surface: Surface, folder: Path, *, previews: bool = True) -> None:
-    """`maps/NAME.exr` and `NAME_std.exr` [H, W, C], `NAME_status.png` [H, W], and previews of the former two as PNG.
+    """`maps/NAME.exr` and `NAME_std.exr` [H, W, C], `NAME_status.png` [H, W], and previews of them as PNG.
 
-    Smoothed maps are `NAME_smooth.exr` and `NAME_smooth_std.exr` beside them.
+    The preview of the status is `NAME_known.png`: a palette inside `NAME_status.png` would make cv2.imread give colours
+    instead of codes. Smoothed maps are `NAME_smooth.exr` and `NAME_smooth_std.exr` beside them.
     Where no photograph shows a pixel, its value, standard error and status (`TexelStatus`) are 0. `normals.png` tells
     which pixels are the object's and from where it is seen.
     """
@@ -36,13 +37,12 @@ def write_maps(estimate: Estimate, surface: Surface, folder: Path, *, previews: 
         for kind, values in (("", each.value), ("std", each.std)):
             write_image(folder / map_file(name, kind), surface.image(np.nan_to_num(values.float().numpy())))
         write_image(folder / f"maps/{name}{_STATUS}", surface.image(each.status.numpy()))
-        if previews:
-            unit = estimate.parameters[name].unit
-            write_image(folder / picture_file(name), value_picture(each, surface, unit))
-            write_image(folder / picture_file(name, "std"), std_picture(each, surface))
     for name, each in estimate.smooth_maps.items():
         for kind, part in (("smooth", each.value), ("smooth_std", each.std)):
             write_image(folder / map_file(name, kind), surface.image(np.nan_to_num(part.float().numpy())))
+    if previews:
+        for file, picture in pictures(estimate, surface):
+            write_image(folder / file, picture)
     if estimate.maps:
         # As integer normal maps are: 0 to full scale for -1 to 1.
         codes = (127.5 * (surface.normals.double().numpy() + 1)).round().astype(np.uint8)
@@ -52,7 +52,8 @@ def write_maps(estimate: Estimate, surface: Surface, folder: Path, *, previews: 
 def files_of_map(name: str) -> list[str]:
     """The files that a result folder with a map of a parameter may have, from the folder."""
     kinds = ("", "std", "smooth", "smooth_std")
-    return [VIEW, f"maps/{name}{_STATUS}", *(write(name, kind) for write in (map_file, picture_file) for kind in kinds)]
+    files = [write(name, kind) for write in (map_file, picture_file) for kind in kinds]
+    return [VIEW, f"maps/{name}{_STATUS}", picture_file(name, "known"), *files]
 
 
 def load_maps(folder: str | Path, surface: Surface) -> dict[str, ParameterMap]:

@@ -11,9 +11,13 @@ import matest
 from matest import InputError
 from matest.benchmark.instruments import miscalibration as off
 from matest.benchmark.instruments.photographs import vase
+from matest.brdf import OrenNayar
+from matest.estimation.parameter_map import TexelStatus
 from matest.photographs.images import read_image
+from matest.photographs.noise import Noise
 from matest.report.folder import write_result
 from tests.estimation.test_diagnosis import GLOSS, capture_of
+from tests.simulated import Studio
 
 VARIED = off.two_regions(0.2)
 
@@ -52,6 +56,7 @@ def test_albedo_is_that_of_the_body_whatever_it_is_called() -> None:
         ({"maps": "gloss"}, "--maps gloss: oren-nayar estimates no such parameter; name one of albedo, sigma"),
         ({"maps": "albedo", "regions": 0}, "--regions is a number of materials from 1 to 50"),
         ({"regions": 2}, "--regions 2 says where maps share values: name the parameters with --maps"),
+        ({"maps": " , "}, "--maps names no parameter: name one, such as --maps albedo, or omit it"),
         ({"maps": "albedo", "refine": "ambient"}, "--maps and --refine do not go together"),
         ({"maps": "albedo", "precision": 0.01}, "--maps and --precision do not go together"),
     ],
@@ -90,3 +95,12 @@ def test_one_photograph_tells_albedos_but_neither_the_fit_nor_a_shape() -> None:
     sigma = estimate.parameters["sigma"]
     assert sigma.status == "not determined"
     assert sigma.value is None
+
+
+def test_a_shape_has_a_map_under_ambient_light_as_check_says() -> None:
+    capture = Studio(size=32, ambient=0.1, noise=Noise(5e-4, 1e-5)).photograph(OrenNayar(0.5, 0.4), seed=1)
+    forecast = matest.check(capture, "oren-nayar", maps="albedo,sigma", at={"albedo": 0.5, "sigma": 0.4}).maps
+    sigma = matest.estimate(capture, "oren-nayar", maps="albedo,sigma").maps["sigma"]
+    assert sigma.determined == pytest.approx(forecast.photographs[-1].maps["sigma"].known, abs=0.1)
+    own = sigma.status == TexelStatus.DETERMINED
+    assert float(((sigma.value - 0.4) / sigma.std)[own].square().mean().sqrt()) < 1.2

@@ -130,6 +130,17 @@ def test_what_the_model_gets_wrong_is_not_lessened() -> None:
     torch.testing.assert_close(found.std, (alone.std.square() + 0.04**2 - 0.02**2).sqrt())
 
 
+def test_a_shape_whose_error_bars_grow_with_it_is_not_drawn_down() -> None:
+    size, truth, relative = 64, 0.6, 0.15
+    value = truth * (1 + relative * np.random.default_rng(2).standard_normal((size, size, 1)))
+    # As of σ: what a pixel tells of it falls with its square.
+    each = map_of(value, relative * truth * (value / truth) ** 2)
+    found = smoothed(each, plane(size), 3, CERTAIN, is_shape=True)
+    assert float(found.value.mean()) == pytest.approx(truth, rel=0.01)
+    assert float(smoothed(each, plane(size), 3, CERTAIN).value.mean()) < 0.96 * truth
+    assert covered(found, torch.full((size * size, 1), truth), np.ones(size * size, bool)) > 0.92
+
+
 def test_pixels_that_no_photograph_shows_keep_no_value() -> None:
     value, std = np.full((9, 9, 1), 0.4), np.full((9, 9, 1), 0.01)
     status = np.full((9, 9), TexelStatus.DETERMINED)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -12,7 +13,16 @@ import torch
 from matest.estimation.parameter_map import ParameterMap, TexelStatus
 from matest.photographs.photometry import srgb
 from matest.report.format import status_sentences
-from matest.report.map_figures import Scale, maps_section, std_picture, std_scale, value_picture, value_scale
+from matest.report.map_figures import (
+    Scale,
+    known_picture,
+    maps_section,
+    pictures,
+    std_picture,
+    std_scale,
+    value_picture,
+    value_scale,
+)
 from tests.captures import sphere_surface
 from tests.estimates import clay
 from tests.report.test_page import read, words
@@ -41,7 +51,7 @@ def rough() -> ParameterMap:
 def test_three_channels_of_albedo_are_colours_and_white_is_stated() -> None:
     scale = value_scale(coloured(), "1")
     assert scale == Scale(0.0, pytest.approx(0.4), is_colour=True)
-    on_object = value_picture(coloured(), SURFACE, "1").reshape(-1, 3)[SURFACE.pixels]
+    on_object = value_picture(coloured(), SURFACE, scale).reshape(-1, 3)[SURFACE.pixels]
     np.testing.assert_array_equal(on_object, srgb(coloured().value.double().numpy() / scale.upper))
     assert "albedo as sRGB shows it, white at 0.4 " in words(maps_section(clay(maps={"albedo": coloured()}))) + " "
 
@@ -56,7 +66,7 @@ def test_one_channel_has_a_scale_that_holds_its_values(each: ParameterMap, unit:
 
 
 def test_colours_get_brighter_with_the_value_and_grey_is_no_value() -> None:
-    picture = value_picture(rough(), SURFACE, "rad")
+    picture = value_picture(rough(), SURFACE, value_scale(rough(), "rad"))
     on_object = picture.reshape(-1, 3)[SURFACE.pixels]
     assert (on_object[:5] == GREY).all()
     assert (picture[~SURFACE.mask] == GREY).all()
@@ -70,8 +80,35 @@ def test_the_page_has_numbers_with_unit_and_degrees_below_a_scale() -> None:
     text = words(section)
     assert "0.2 rad 11.5° 0.35 rad 20.1° 0.5 rad 28.6° sigma" in text
     assert "standard error of sigma" in text
-    assert [picture["src"] for picture in read(section).pictures] == ["maps/sigma.png", "maps/sigma_std.png"]
+    files = ["maps/sigma.png", "maps/sigma_std.png", "maps/sigma_known.png"]
+    assert [picture["src"] for picture in read(section).pictures] == files
     assert section.count('class="scale"') == 2
+
+
+def test_a_smoothed_map_has_the_colours_of_the_map_itself() -> None:
+    each, smooth = rough(), replace(rough(), value=rough().value * 0.5 + 0.2, std=rough().std / 3)
+    estimate = clay(maps={"sigma": each}, smooth_maps={"sigma": smooth})
+    shown = dict(pictures(estimate, SURFACE))
+    expected = value_scale(each, "rad").colours(smooth.value.double().numpy())
+    np.testing.assert_array_equal(shown["maps/sigma_smooth.png"].reshape(-1, 3)[SURFACE.pixels], expected)
+    section = maps_section(estimate)
+    assert {picture["src"] for picture in read(section).pictures} == {*shown}
+    assert "sigma, smoothed" in words(section)
+
+
+def test_what_is_known_is_seen_in_colours_with_a_legend() -> None:
+    each = rough()
+    each.status[5:50] = TexelStatus.SHARED
+    picture = known_picture(each, SURFACE).reshape(-1, 3)[SURFACE.pixels].astype(int)
+    colours = np.unique(picture, axis=0)
+    assert len(colours) == 3
+    assert min(np.abs(a - b).max() for a in colours for b in colours if (a != b).any()) > 60
+    section = maps_section(clay(maps={"sigma": each}))
+    legend = words(section)
+    for status in ("determined", "not told by their own photographs", "not seen"):
+        assert status in legend
+    for colour in colours:
+        assert f"#{bytes(colour.tolist()).hex()}" in section
 
 
 def test_standard_errors_begin_at_nothing() -> None:
@@ -90,7 +127,7 @@ def test_a_map_that_is_the_same_everywhere_has_a_scale() -> None:
 
 def test_a_map_of_which_nothing_is_seen_is_grey() -> None:
     each = a_map("sigma", torch.full((COUNT, 1), math.nan))
-    assert (value_picture(each, SURFACE, "rad") == GREY).all()
+    assert (value_picture(each, SURFACE, value_scale(each, "rad")) == GREY).all()
     assert status_sentences({"sigma": each}) == ["Map of sigma: not seen at 100.0% of the object's pixels."]
 
 

@@ -40,7 +40,7 @@ class Setting(NamedTuple):
         shape: name of the object.
         kind: name of the material.
         lights: number of photographs.
-        materials: 2: of two uniform materials, whose regions are looked for; None: varying smoothly.
+        materials: 2: of two uniform materials; None: varying smoothly.
     """
 
     shape: str
@@ -121,7 +121,7 @@ def trial(setting: Setting, side: int, seed: int) -> Coverage:
     with single_threaded_torch():
         surface = OBJECTS[setting.shape](side)
         subject = photographed(kind, surface, setting.lights, seed, materials=setting.materials)
-        estimate = estimated(kind, subject.photograph(), setting.materials or 1)
+        estimate = estimated(kind, subject.photograph())
         return coverage_of(kind, estimate, subject.material)
 
 

@@ -95,9 +95,9 @@ def _halves(generator: np.random.Generator, at: np.ndarray, ends: tuple[float, f
     return np.repeat(np.where(at[:, :1] < 0, first, second), channels, axis=1)
 
 
-def estimated(kind: Kind, capture: Capture, regions: int = 1) -> Estimate:
+def estimated(kind: Kind, capture: Capture) -> Estimate:
     """The estimate of a material of this kind with its maps."""
-    return matest.estimate(capture, kind.expression, fix=dict(kind.fixed), maps=tuple(kind.ranges), regions=regions)
+    return matest.estimate(capture, kind.expression, fix=dict(kind.fixed), maps=tuple(kind.ranges))
 
 
 def tells(each: ParameterMap) -> Tensor:

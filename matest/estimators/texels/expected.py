@@ -19,7 +19,7 @@ from matest.estimators.texels.regions import Regions
 from matest.estimators.texels.small_systems import Factored
 from matest.estimators.texels.some import Knowledge
 from matest.estimators.texels.sums import TexelGram
-from matest.estimators.texels.trust import Reliable, ambiguous
+from matest.estimators.texels.trust import Reliable, ScoreBias, ambiguous
 from matest.estimators.texels.unknowns import TexelUnknowns
 from matest.samples.residual_scale import NOISE_ALONE
 from matest.samples.texels import TexelTile
@@ -94,8 +94,8 @@ class ExpectedTexels:
         values = self.unknowns[texels.places, None]
         labels = torch.zeros(len(tile), dtype=torch.int64)
         regions = Regions.single(texels, self.unknowns).filled(labels, fit.theta, std, values)
-        bend = torch.zeros(len(texels.common), dtype=torch.float64)
-        fit, own, counted, elimination = shared(fitter, fit, Knowledge(regions, 1.0, limit, bend))
+        known = Knowledge(regions, 1.0, limit, ScoreBias.none(len(texels.common)))
+        fit, own, counted, elimination = shared(fitter, fit, known)
         is_shape = texels.is_shape[:, None]
         # Of anything but a shape: with the shapes known that are shared, but nothing known of itself.
         beside = replace(fit, prior=regions.prior(labels, own | ~is_shape))

@@ -21,8 +21,15 @@ from matest.estimators.moments import SCORES
 from matest.estimators.texels.elimination import CommonSums, Elimination
 from matest.estimators.texels.fit import TexelFitter, TileFit
 from matest.estimators.texels.regions import Regions
-from matest.estimators.texels.some import Knowledge, descend, regions_of, started, step
-from matest.estimators.texels.trust import Reliable, ambiguous, least_information, totals, variance_among_trials
+from matest.estimators.texels.some import Knowledge, descend, regions_of, started, step, unbiased
+from matest.estimators.texels.trust import (
+    Reliable,
+    ScoreBias,
+    ambiguous,
+    least_information,
+    totals,
+    variance_among_trials,
+)
 from matest.estimators.texels.unknowns import TexelUnknowns
 from matest.estimators.unknowns import Problem
 from matest.progress import Progress, silent
@@ -31,17 +38,13 @@ from matest.samples.texels import TexelTile, TexelTiles
 from matest.workers import in_groups, single_threaded_torch
 
 # Share of the degrees of freedom that texels must leave for residuals to tell how well the model fits.
-_LEAST_LEFT = 0.02
+LEAST_LEFT = 0.02
 # Passes over all samples: a second one where the first step of all was longer than the linear model is trusted.
 _PASSES = 3
 # Standard errors that some texels state of the parameters in common, up to which texels follow a step linearly.
 _LINEAR = 5.0
 # χ² per degree of freedom above which a texel's shape has to be told by more than one photograph.
 MISFIT_CHI2 = 1.5
-# Uncertainty of a correction for curvature, relative to it: it is right to second order, where texels tell their shapes
-# to some per cent; where they do not it may all be wrong.
-_CURVATURE_ERROR = 0.5
-_CURVATURE_ERROR_OF_LIMIT = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +61,7 @@ class MapFit:
         held: whether a bound holds an unknown [T, N].
         information: of the unknowns in common, the texels following them [S, S].
         scores: [S].
-        bend: what curvature adds to these [S].
-        limit: relative standard error of the shapes of texels that tell of what is in common.
+        bias: of these, per texel, which they hold no more.
         totals: sums of the `SCORES` of every image [I, S].
         degrees: of freedom that the texels take.
         converged: whether the last step was one that texels follow.
@@ -76,8 +78,7 @@ class MapFit:
     held: Tensor
     information: Tensor
     scores: Tensor
-    bend: Tensor
-    limit: float
+    bias: ScoreBias
     totals: Tensor
     degrees: float
     converged: bool
@@ -97,7 +98,7 @@ class MapFit:
     def degrees_left(self) -> float:
         """Degrees of freedom that texels leave: 0 where they take so many that residuals tell nothing of the fit."""
         left = self.total("values") - self.degrees
-        return left if left > _LEAST_LEFT * self.total("values") else 0.0
+        return left if left > LEAST_LEFT * self.total("values") else 0.0
 
     @property
     def inflation(self) -> float:
@@ -111,9 +112,13 @@ class MapFit:
         scores = torch.zeros(problem.size, dtype=torch.float64).index_copy_(0, places, self.scores)
         free = ~at_bound(problem, self.unknowns, scores)[places]
         covariance = fisher(self.information / self.inflation, free)
-        share = min(max(_CURVATURE_ERROR, _CURVATURE_ERROR_OF_LIMIT * self.limit), 1.0)
-        error = share * covariance.matrix @ self.bend / self.inflation
-        return replace(covariance, matrix=covariance.matrix + error[:, None] * error)
+        matrix = covariance.matrix
+        return replace(covariance, matrix=matrix + matrix @ self.bias_scatter @ matrix / self.inflation**2)
+
+    @property
+    def bias_scatter(self) -> Tensor:
+        """Covariance of scores by the error of their bias [S, S]."""
+        return self.theta.shape[1] ** 2 * self.bias.covariance
 
     @cached_property
     def std(self) -> Tensor:
@@ -142,7 +147,7 @@ def fit_maps(
     tiles: TexelTiles,
     count: int,
     *,
-    regions: int = 1,
+    regions: int | None = None,
     seed: int = 0,
     progress: Progress = silent,
 ) -> MapFit:
@@ -159,7 +164,7 @@ def fit_maps(
         few: all samples at some texels.
         tiles: all samples.
         count: N; `texels` of tiles are below it.
-        regions: number of regions whose values texels take where they have none of their own.
+        regions: number of regions whose values texels take where they have none of their own; None: found too.
         seed: of the search for regions.
         progress: called with a word on what is being done.
     """
@@ -170,20 +175,21 @@ def fit_maps(
     # With nothing but shapes mapped, the fit with one value for all texels is that already.
     in_common = descend(amplitudes, unknowns, few) if texels.shapes and amplitudes.mapped else None
     sample = descend(texels, unknowns if in_common is None else in_common.fitter.unknowns, few)
+    sample, limit, bias = unbiased(sample, seed)
     elimination = Elimination.of(sample.fitter, sample.fit)
     found = regions_of(sample, elimination, in_common, regions, seed)
-    knowledge = Knowledge.of(sample, elimination, found)
+    knowledge = Knowledge(found, sample.inflation, limit, bias)
     progress("fitting all texels")
     out = _Maps.empty(texels, count)
     here = sample.fitter.unknowns
     for _ in range(_PASSES):
         fitter = TexelFitter(texels, here, sample.residual_scale)
         sums = _over_all(fitter, knowledge, tiles, out)
-        sums = sums._replace(scores=sums.scores + knowledge.bend * count)
+        sums = sums._replace(scores=sums.scores - count * knowledge.bias.mean)
         here, is_linear = out.step(texels, here, sums, elimination.sums().information)
         if is_linear:
             break
-    return out.fit(texels, here, sums, knowledge, sample.residual_scale, count, converged=is_linear)
+    return out.fit(texels, here, sums, knowledge, sample.residual_scale, converged=is_linear)
 
 
 class _TileSums(NamedTuple):
@@ -312,12 +318,11 @@ class _Maps:
         sums: _TileSums,
         known: Knowledge,
         residual_scale: ResidualScale,
-        count: int,
         *,
         converged: bool,
     ) -> MapFit:
         """All together."""
         return MapFit(
             texels, unknowns, self.theta, self.variance, self.moves, self.own, self.held, sums.information, sums.scores,
-            known.bend * count, known.limit, sums.totals, sums.degrees, converged, residual_scale, known.regions,
+            known.bias, sums.totals, sums.degrees, converged, residual_scale, known.regions,
         )  # fmt: skip

@@ -24,6 +24,17 @@ _UNKNOWN_SPREAD = 0.5
 _FEWEST = 10
 # Least albedo of which the logarithm is taken where regions are told apart.
 _DARKEST = 1e-3
+# Texels by which it is judged whether regions stand apart, and most of these.
+_JUDGED = 500
+_MOST_APART = 6
+# Quantile of the silhouettes of regions that stand apart, and its least value: where two regions are taken for one, and
+# of values that are spread evenly, it is about 0.5.
+_WORST = 0.25
+_APART = 0.75
+# Least share of the texels of a region that is found.
+_LEAST_SHARE = 0.03
+# Least distance that another one is relative to.
+_TINY = 1e-9
 # Trials of k-means, of which the best counts.
 _TRIALS = 5
 
@@ -51,13 +62,16 @@ class Regions:
         return cls(texels, np.zeros((1, 0)), values, texels.width(values))
 
     @classmethod
-    def of(cls, texels: TexelUnknowns, theta: Tensor, count: int, seed: int) -> Regions:
-        """At most `count` regions, told apart by the amplitudes of some texels θ [T, n]; of no known values yet."""
+    def of(cls, texels: TexelUnknowns, theta: Tensor, count: int | None, seed: int) -> Regions:
+        """At most `count` regions, told apart by the amplitudes of some texels θ [T, n]; of no known values yet.
+
+        None: as many as their amplitudes stand apart in, where a shape is mapped.
+        """
         single = cls.single(texels, texels.problem.anywhere)
         features = _features(texels, theta)
-        if count == 1 or not features.shape[1]:
+        if count == 1 or not features.shape[1] or (count is None and not texels.shapes):
             return single
-        centres = _clustered(features, count, seed)
+        centres = _apart(features, seed) if count is None else _clustered(features, count, seed)
         return cls(texels, centres, *(part.repeat(1, len(centres)) for part in (single.values, single.spreads)))
 
     def filled(self, labels: Tensor, theta: Tensor, std: Tensor, values: Tensor) -> Regions:
@@ -128,6 +142,22 @@ def _features(texels: TexelUnknowns, theta: Tensor) -> np.ndarray:
     """What tells the regions of texels apart [n, A]."""
     rows = [k for k, row in enumerate(texels.rows) if row.name not in texels.shapes]
     return theta[rows].clamp(min=_DARKEST).log().T.double().numpy()
+
+
+def _apart(features: np.ndarray, seed: int) -> np.ndarray:
+    """Centres [R, A] of the fewest clusters of some texels [n, A] that stand apart; one where none do."""
+    some = np.random.default_rng(seed).permutation(features)[:_JUDGED]
+    for count in range(2, _MOST_APART + 1):
+        centres = _clustered(some, count, seed)
+        if len(centres) < count:
+            break
+        nearest, second = np.sort(np.linalg.norm(some[:, None] - centres, axis=2), axis=1)[:, :2].T
+        shares = np.bincount(vq(some, centres)[0], minlength=count) / len(some)
+        # Silhouettes of Rousseeuw (1987), with distances from centres.
+        silhouettes = 1 - nearest / np.maximum(second, _TINY)
+        if np.quantile(silhouettes, _WORST) > _APART and shares.min() > _LEAST_SHARE:
+            return centres
+    return some.mean(0, keepdims=True)
 
 
 def _clustered(features: np.ndarray, count: int, seed: int) -> np.ndarray:

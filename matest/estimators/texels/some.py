@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import torch
@@ -16,9 +16,8 @@ from matest.estimators.moments import SCORES
 from matest.estimators.search import shape_nodes
 from matest.estimators.texels.elimination import CommonSums, Elimination
 from matest.estimators.texels.fit import TexelFitter, TileFit
-from matest.estimators.texels.problem import TexelProblem
 from matest.estimators.texels.regions import Regions
-from matest.estimators.texels.trust import Reliable, ambiguous, curvature, totals
+from matest.estimators.texels.trust import Reliable, ScoreBias, ambiguous, totals
 from matest.estimators.texels.unknowns import TexelUnknowns
 from matest.samples.likelihood import LeastSquares, deviations
 from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
@@ -31,6 +30,8 @@ _START_NODES = 9
 _STEPS = 20
 # Standard errors of the parameters in common below which a step is the last.
 _LAST_STEP = 0.1
+# Times that the bias is found: it differs from where a biased solution was.
+_CORRECTIONS = 2
 
 
 class SomeTexels(NamedTuple):
@@ -74,8 +75,8 @@ def started(texels: TexelUnknowns, unknowns: Tensor, tile: TexelTile) -> Tensor:
     return best
 
 
-def descend(texels: TexelUnknowns, unknowns: Tensor, tile: TexelTile) -> SomeTexels:
-    """The optimum of everything over the samples of a tile."""
+def descend(texels: TexelUnknowns, unknowns: Tensor, tile: TexelTile, bias: Tensor | None = None) -> SomeTexels:
+    """The optimum of everything over the samples of a tile; `bias` [S] is the mean score of a texel there, if not 0."""
     scale = NOISE_ALONE
     fitter = TexelFitter(texels, unknowns, scale)
     prior = Regions.single(texels, unknowns).weak_prior(len(tile))
@@ -86,7 +87,10 @@ def descend(texels: TexelUnknowns, unknowns: Tensor, tile: TexelTile) -> SomeTex
         elimination, counted = Elimination.of(fitter, fit), None
         if fit.trials is not None and texels.common:
             counted = Reliable.of(fitter, fit, elimination, inflation).counted
-        change, length = step(texels, unknowns, elimination.sums(counted))
+        sums = elimination.sums(counted)
+        if bias is not None:
+            sums = sums._replace(scores=sums.scores - bias * len(tile))
+        change, length = step(texels, unknowns, sums)
         unknowns = moved(texels.problem, unknowns, change)
         theta = fit.theta + torch.einsum("tsn,s->tn", elimination.moves, change[texels.common_places].float())
         fitter = TexelFitter(texels, unknowns, scale)
@@ -104,29 +108,31 @@ class Knowledge:
         regions: that texels take values from.
         inflation: of squared errors.
         limit: relative standard error of the shapes of texels that tell of the unknowns in common.
-        bend: what curvature adds to their scores, per texel [S].
+        bias: of their scores.
     """
 
     regions: Regions
     inflation: float
     limit: float
-    bend: Tensor
+    bias: ScoreBias
 
-    @classmethod
-    def of(cls, sample: SomeTexels, elimination: Elimination, regions: Regions) -> Knowledge:
-        fitter, fit = sample.fitter, sample.fit
-        if fit.trials is None or not fitter.texels.common:
-            return cls(regions, sample.inflation, 0.0, torch.zeros(len(fitter.texels.common), dtype=torch.float64))
-        reliable = Reliable.of(fitter, fit, elimination, sample.inflation)
-        bend = 0.5 * curvature(fitter, fit, elimination, sample.inflation)
-        bent = TexelProblem.of(fit.problem, fit.problem.squares._replace(response=fit.radiance + bend), fit.theta)
-        there = replace(fit, problem=bent, prior=fit.prior._replace(mean=fit.theta))
-        scores = Elimination.of(fitter, there).sums(reliable.counted).scores
-        return cls(regions, sample.inflation, reliable.limit, scores / len(fit.tile))
+
+def unbiased(sample: SomeTexels, seed: int) -> tuple[SomeTexels, float, ScoreBias]:
+    """The solution where the bias of scores is allowed for, and `limit` and `bias` of `Knowledge`."""
+    texels = sample.fitter.texels
+    limit, bias = 0.0, ScoreBias.none(len(texels.common))
+    if sample.fit.trials is None or not texels.common:
+        return sample, limit, bias
+    for _ in range(_CORRECTIONS):
+        elimination = Elimination.of(sample.fitter, sample.fit)
+        limit = Reliable.of(sample.fitter, sample.fit, elimination, sample.inflation).limit
+        bias = ScoreBias.of(sample.fitter, sample.fit, sample.inflation, limit, seed)
+        sample = descend(texels, sample.fitter.unknowns, sample.fit.tile, bias.mean)
+    return sample, limit, bias
 
 
 def regions_of(
-    sample: SomeTexels, elimination: Elimination, in_common: SomeTexels | None, count: int, seed: int
+    sample: SomeTexels, elimination: Elimination, in_common: SomeTexels | None, count: int | None, seed: int
 ) -> Regions:
     """Regions of a material, and what is known of them from some texels.
 
@@ -134,7 +140,7 @@ def regions_of(
         sample: the solution over these texels.
         elimination: of them.
         in_common: the solution with one value of each shape for all of them; None: no shape is mapped.
-        count: of regions.
+        count: of regions; None: as many as stand apart.
         seed: of the search for them.
     """
     fitter, fit = sample.fitter, sample.fit

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -24,6 +25,8 @@ _TINY = 1e-9
 _LIKELY = 9.0
 # Standard errors beyond which a value is another one.
 _FAR = 4.0
+# Uncertainty of the bias of scores, relative to it: it is that of the solution, not of the truth.
+_BIAS_ERROR = 0.35
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,32 +87,45 @@ def variance_among_trials(fit: TileFit, inflation: float) -> Tensor:
     return (likely[:, None] * off.square()).sum(0) / (likely.sum(0) + here) / inflation
 
 
-def curvature(fitter: TexelFitter, fit: TileFit, elimination: Elimination, inflation: float) -> Tensor:
-    """How much higher radiance is on average where θ errs than where it is right [I·n, C].
+class ScoreBias(NamedTuple):
+    """The mean score of the unknowns in common, per texel, where these are right.
 
-    The bias of non-linear least squares follows from it (Box 1971). Second differences reach as far as the errors.
+    Attributes:
+        mean: [S].
+        covariance: of its error [S, S].
     """
-    here, total = fit.radiance, torch.zeros_like(fit.radiance)
-    lower, upper = (end.to(fit.theta) for end in (fitter.texels.lower, fitter.texels.upper))
-    for errors in _root(inflation * elimination.covariance):
-        inside = torch.ones(len(fit.tile), dtype=torch.bool)
-        sides = torch.zeros_like(here)
-        for theta in (fit.theta + errors, fit.theta - errors):
-            inside &= ((theta >= lower) & (theta <= upper)).all(0)
-            sides += fit.problem.radiance(theta.clamp(lower, upper))
-        total += torch.where(inside.repeat(fit.tile.images)[:, None], sides - 2 * here, 0.0)
-    return total
 
+    mean: Tensor
+    covariance: Tensor
 
-def _root(matrices: Tensor) -> Tensor:
-    """Vectors [T, T, n], the first axis counts them, whose outer products add up to matrices [T, T, n]."""
-    factored = Factored.of(matrices)
-    vectors = []
-    for column, diagonal in enumerate(factored.diagonal):
-        below = [factored.lower[row][column] for row in range(column + 1, len(matrices))]
-        vector = torch.stack([torch.zeros_like(diagonal)] * column + [torch.ones_like(diagonal), *below])
-        vectors.append(vector * diagonal.sqrt())
-    return torch.stack(vectors)
+    @classmethod
+    def none(cls, unknowns: int) -> ScoreBias:
+        """Of texels whose scores are unbiased."""
+        zeros = torch.zeros(unknowns, unknowns, dtype=torch.float64)
+        return cls(zeros.sum(0), zeros)
+
+    @classmethod
+    def of(cls, fitter: TexelFitter, fit: TileFit, inflation: float, limit: float, seed: int) -> ScoreBias:
+        """The bias at a solution; `limit` as in `Reliable`.
+
+        Texels of little known shape, and the choice of those that count, draw scores off 0 (Neyman and Scott 1948). It
+        is what photographs say that are drawn anew from the solution: some noise, and its opposite, so that nothing is
+        left of what is linear in it.
+        """
+        tile, generator = fit.tile, torch.Generator().manual_seed(seed)
+        radiance = fit.radiance
+        std = (inflation * tile.batch.variance(radiance)).sqrt()
+        noise = std * torch.randn(radiance.shape, generator=generator)
+        scores = torch.zeros(len(fitter.texels.common), len(tile), dtype=torch.float64)
+        for drawn in (noise, -noise):
+            again = fitter.fit(tile.measuring(radiance + drawn), fit.prior)
+            elimination = Elimination.of(fitter, again)
+            counted = Reliable.of(fitter, again, elimination, inflation, limit).counted
+            scores += 0.5 * elimination.scores * counted
+        mean = scores.mean(-1)
+        apart = scores - mean[:, None]
+        error = _BIAS_ERROR * mean
+        return cls(mean, apart @ apart.T / len(tile) ** 2 + error[:, None] * error)
 
 
 def totals(tile: TexelTile, squares: LeastSquares, values: Tensor) -> Tensor:

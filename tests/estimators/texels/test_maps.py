@@ -35,7 +35,9 @@ def waves(seed: int, low: float, high: float) -> Tensor:
     return torch.from_numpy(low + (high - low) * (1 + np.tanh(wave)) / 2)[:, None]
 
 
-def of_material(material: Brdf, names: list[str], *, regions: int = 1, fix: dict[str, float] | None = None) -> MapFit:
+def of_material(
+    material: Brdf, names: list[str], *, regions: int | None = 1, fix: dict[str, float] | None = None
+) -> MapFit:
     """The maps of a sphere of a material with values at every pixel, under twelve lights."""
     capture = subject(sphere(SIZE), ring(12), material, Sensor()).photograph()
     samples = capture.photographs.samples()
@@ -120,8 +122,9 @@ def test_regions_lend_their_own_values_to_texels_that_tell_none() -> None:
             "sigma": torch.where(left, 0.6, 0.3).double(),
         }
     )
-    object_wide, found = (of_material(material, ["albedo", "sigma"], regions=count) for count in (1, 2))
+    object_wide, found = (of_material(material, ["albedo", "sigma"], regions=count) for count in (1, None))
     row = found.texels.at("sigma")
+    assert len(found.regions.features) == 2
     assert sorted(found.regions.values[row][0].tolist()) == pytest.approx([0.3, 0.6], rel=0.05)
 
     def error(fit: MapFit) -> float:
