@@ -19,7 +19,9 @@ def main(numbers: list[str], *, save: bool) -> None:
             continue
         notebook = nbformat.read(path, as_version=4)
         before = _seconds()
-        NotebookClient(notebook, timeout=600, resources={"metadata": {"path": str(HERE)}}).execute()
+        NotebookClient(
+            notebook, timeout=600, coalesce_streams=True, resources={"metadata": {"path": str(HERE)}}
+        ).execute()
         for cell in notebook.cells:
             cell.metadata.pop("execution", None)
         if save:
