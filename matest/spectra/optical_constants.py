@@ -63,7 +63,7 @@ class OpticalConstants:
         Raises:
             InputError: wavelengths outside the table.
         """
-        table, at = self.wavelengths, wavelengths.to(self.wavelengths)
+        table, at = self.wavelengths, wavelengths.to(self.wavelengths).contiguous()
         if not ((at >= table[0]) & (at <= table[-1])).all():
             raise InputError(
                 f"optical constants are tabulated from {table[0]:g} to {table[-1]:g} µm, but wavelengths from "

@@ -68,6 +68,21 @@ def over_lights(brdf: Brdf, views: Tensor) -> Tensor:
     return torch.stack([brdf(direction(light), views)[..., 0] for light in LIGHTS])
 
 
+def fits_of(target: Brdf) -> tuple[BlinnPhong, NeumannNeumann, Lafortune]:
+    """The three cosine lobes, each over a uniform body, nearest to a surface by eq. 15 at the directions of §5.1."""
+    views = concentric_square(GRID)[1].reshape(-1, 3)
+    values = over_lights(target, views)
+
+    def lafortune(log_n: Tensor, c_z: Tensor) -> Brdf:
+        return Lafortune(diffuse=0.0, specular=1.0, exponent=log_n.exp(), c_xy=-1.0, c_z=c_z)
+
+    return (
+        fit(lambda log_n: BlinnPhong(0.0, 1.0, log_n.exp()), (2.0,), views, values),
+        fit(lambda log_n: NeumannNeumann(0.0, 1.0, log_n.exp()), (2.0,), views, values),
+        fit(lafortune, (2.0, 0.9), views, values),
+    )
+
+
 def half_width(brdf: Brdf, body: float, light: float) -> float:
     """Degrees out of the plane of incidence, from the mirror direction, at which the lobe above `body` is half."""
     out = torch.deg2rad(torch.linspace(0, 90, 901, dtype=torch.float64))[:, None]
@@ -78,16 +93,8 @@ def half_width(brdf: Brdf, body: float, light: float) -> float:
 
 def figure_4() -> Drawn:
     centres, square = concentric_square(GRID)
-    views = square.reshape(-1, 3)
     he = ground_glass()
-    target = over_lights(he, views)
-
-    def lafortune(log_n: Tensor, c_z: Tensor) -> Brdf:
-        return Lafortune(diffuse=0.0, specular=1.0, exponent=log_n.exp(), c_xy=-1.0, c_z=c_z)
-
-    blinn = fit(lambda log_n: BlinnPhong(0.0, 1.0, log_n.exp()), (2.0,), views, target)
-    neumann = fit(lambda log_n: NeumannNeumann(0.0, 1.0, log_n.exp()), (2.0,), views, target)
-    general = fit(lafortune, (2.0, 0.9), views, target)
+    blinn, neumann, general = fits_of(he)
     models = (
         ("Blinn-Phong", blinn, blinn.diffuse, GREEN),
         ("Neumann-Neumann", neumann, neumann.diffuse, PINK),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -55,6 +56,29 @@ class Entry(NamedTuple):
     title: str
     published: str
     draw: Callable[[], Drawn]
+
+
+def publish(figures: dict[str, Entry], names: list[str], folder: Path, picture: str, heading: str) -> None:
+    """Draw the named figures, or all and the page that shows them, `README.md`, into a folder.
+
+    `picture` is the path of the picture of a figure {}. A name that no figure has ends the program.
+    """
+    unknown = [name for name in names if name not in figures]
+    if unknown:
+        sys.exit(f"no figure {', '.join(unknown)}; there are {', '.join(figures)}.")
+    page = [heading]
+    for name, entry in figures.items():
+        if names and name not in names:
+            continue
+        drawn = entry.draw()
+        path = picture.format(name)
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        drawn.save(folder / path)
+        page += [f"## {entry.title}", "", f"![{name}]({path})", ""]
+        page += [f"Published: {entry.published}", "", f"Here: {drawn.measured}", ""]
+        print(f"{name}: {drawn.measured}", flush=True)
+    if not names:
+        (folder / "README.md").write_text("\n".join(page), "utf-8")
 
 
 def direction(theta: Tensor | float, azimuth: float = 0.0) -> Tensor:
