@@ -11,6 +11,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from matest.errors import InputError
+from matest.scene.instances import check_instances, flatten
 
 # trimesh logs the tracebacks of what shapes do not need, such as a missing texture; without a handler they are printed.
 logging.getLogger("trimesh").addHandler(logging.NullHandler())
@@ -78,6 +79,8 @@ class Mesh:
         try:
             with _opened(path) as file:
                 scene = trimesh.load_scene(file, file_type=kind, resolver=resolver, process=False)
+            check_instances(scene, path.stat().st_size)
+            flatten(scene)
             mesh = scene.to_mesh()
         except MemoryError:
             raise
