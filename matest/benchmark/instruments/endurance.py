@@ -55,6 +55,7 @@ class Reader:
         damages: done to the file.
         cost: of reading, about, as a multiple of that of a small image.
         megabytes: that a file may say it holds.
+        seconds: of the processor, after which it hangs.
     """
 
     name: str
@@ -64,6 +65,7 @@ class Reader:
     damages: tuple[Damage, ...] = OF_BYTES
     cost: int = 1
     megabytes: int = _DECLARED
+    seconds: float = HANG
 
     def damaged(self, number: int) -> bytes:
         """The content of the file for an input, the same every time."""
@@ -153,7 +155,7 @@ class Endurance:
             self._process.join()
             if self._shared[0] < first:
                 raise RuntimeError(f"{reader.name}: the process ended before it read a damaged file") from None
-            account.add(Fault(self._shared[0], _ending(self._process.exitcode)))
+            account.add(Fault(self._shared[0], _ending(self._process.exitcode, reader.seconds)))
             following = self._shared[0] + 1
             self._process = None
         account.read += self._shared[1]
@@ -175,10 +177,10 @@ class Endurance:
             self._process = None
 
 
-def _ending(code: int) -> str:
+def _ending(code: int, seconds: float) -> str:
     """Why a process ended."""
     if code in (-signal.SIGPROF, -signal.SIGALRM):
-        return f"no end in {HANG:g} s"
+        return f"no end in {seconds:g} s"
     return f"the process ended by {signal.Signals(-code).name}" if code < 0 else f"the process ended with {code}"
 
 
@@ -239,7 +241,7 @@ def _warm(reader: Reader, folder: Path) -> list[bytes]:
 def _outcome(reader: Reader, folder: Path, shared: Any) -> str:
     """Read the folder; what went wrong, or nothing."""
     before = _begin_peak()
-    signal.setitimer(signal.ITIMER_PROF, HANG)
+    signal.setitimer(signal.ITIMER_PROF, reader.seconds)
     signal.setitimer(signal.ITIMER_REAL, _WAIT)
     try:
         finite = all(np.isfinite(np.asarray(numbers, dtype=float)).all() for numbers in reader.read(folder))
