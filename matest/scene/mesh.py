@@ -74,6 +74,8 @@ class Mesh:
         kind = path.suffix.lower().removeprefix(".")
         if kind in _ARCHIVES:
             raise InputError(f"{path}: expected a mesh, not an archive; unpack it and give the mesh in it.")
+        if not path.is_file():
+            raise InputError(f"{path}: no such mesh; put it there or correct its name.")
         # trimesh asks it for files by name, as it asks a mapping.
         resolver: Any = _Beside(path.parent)
         try:

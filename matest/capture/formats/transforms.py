@@ -69,7 +69,9 @@ class Transforms:
         to_world = _matrix(frame.transform_matrix, f"{label}: transform_matrix")
         if not (math.isfinite(self.content.applied_scale) and self.content.applied_scale > 0):
             raise InputError(f"{self.path}: applied_scale must be positive; got {self.content.applied_scale}.")
-        to_world[:3, 3] /= self.content.applied_scale
+        # What is beyond all numbers becomes infinite, which the ranges of a camera refuse.
+        with np.errstate(over="ignore"):
+            to_world[:3, 3] /= self.content.applied_scale
         if self.content.applied_transform is not None:
             applied = _matrix(self.content.applied_transform, f"{self.path}: applied_transform")
             if not abs(np.linalg.det(applied)) > 0:
@@ -123,7 +125,7 @@ def read_transforms(path: Path) -> Transforms:
             f"{path}: expected a transforms.json; {place + ': ' if place else ''}{text[0].lower()}{text[1:]}. Export "
             "it anew."
         ) from None
-    except (msgspec.DecodeError, OSError, RecursionError) as error:
+    except (ValueError, OSError, RecursionError) as error:
         raise InputError(f"{path}: expected a transforms.json; {error}. Export it anew.") from None
     if not content.frames:
         raise InputError(f"{path}: expected at least one frame; got none.")
