@@ -144,7 +144,9 @@ def test_the_table_names_what_went_wrong(endurance: Endurance) -> None:
     assert "KeyError: 'width'" in terminal.export_text()
 
 
-@pytest.mark.parametrize("kind", [*damage.OF_BYTES, *damage.OF_TEXT, damage.revalued_json], ids=lambda one: one.__name__)
+@pytest.mark.parametrize(
+    "kind", [*damage.OF_BYTES, *damage.OF_TEXT, damage.revalued_json], ids=lambda one: one.__name__
+)
 @pytest.mark.parametrize("content", [b"", b"0", b'{"a": [1, 2, {"b": null}]}'])
 def test_any_content_can_be_damaged(kind: damage.Damage, content: bytes) -> None:
     for seed in range(30):

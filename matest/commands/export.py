@@ -126,7 +126,9 @@ def _keep_others(file: Path) -> None:
         with file.open("rb") as stream:
             earlier = _MARK in stream.read(_MARKED)
     if not earlier:
-        raise InputError(f"{file}: exists and may not be from an earlier export; remove it, or write elsewhere with -o.")
+        raise InputError(
+            f"{file}: exists and may not be from an earlier export; remove it, or write elsewhere with -o."
+        )
 
 
 def _write_textures(

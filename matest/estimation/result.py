@@ -235,7 +235,7 @@ def load_material(path: str | Path) -> Brdf:
         return brdf.replace(values)
     except InputError as error:
         raise InputError(f"{_material_file(path)}: expected a material of 'matest estimate'; {error}") from None
-    except (TypeError, ValueError, RuntimeError) as error:
+    except (TypeError, ValueError, OverflowError, RuntimeError) as error:
         file = _material_file(path)
         raise InputError(f"{file}: expected a material of 'matest estimate'; cannot read it ({error}).") from None
 

@@ -96,7 +96,9 @@ class Mesh:
             ) from None
         faces = np.asarray(getattr(mesh, "faces", ()))
         if not len(faces):
-            raise InputError(f"{path}: expected a mesh with triangles; got 0 triangles. Export the surface, not only points.")
+            raise InputError(
+                f"{path}: expected a mesh with triangles; got 0 triangles. Export the surface, not only points."
+            )
         vertices = np.asarray(mesh.vertices)
         if vertices.ndim != 2 or vertices.shape[1] != 3 or not (np.abs(vertices) < _LARGEST).all():
             raise InputError(

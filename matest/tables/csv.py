@@ -15,7 +15,7 @@ from matest.errors import InputError, errors_of, nearest
 from matest.spectra import to_rgb
 from matest.tables import readings
 from matest.tables.declaration import READINGS, RGB_NOTE, Declaration
-from matest.tables.table import Table
+from matest.tables.table import LARGEST, Table
 
 ANGLES = ("theta_i", "phi_i", "theta_r", "phi_r")
 # A line `# units: deg` declares what an option of the same name would; any other comment is free.
@@ -42,7 +42,7 @@ def read(path: Path, declaration: Declaration) -> Table:
     with errors_of(path):
         # Options come before what the file says.
         declaration = declaration.completed(declared)
-        finite = np.isfinite(rows).all(1)
+        finite = (np.abs(rows) < LARGEST).all(1)  # False for NaN
         angles, values = rows[finite, : len(ANGLES)], rows[finite, len(ANGLES) :]
         units, radians = readings.in_radians(angles, declaration.units)
         theta_i, theta_r = radians[:, 0], radians[:, 2]
@@ -135,7 +135,7 @@ def _parsed(path: Path) -> tuple[list[str], np.ndarray, Mapping[str, str]]:
             raise InputError(
                 f"{path}: expected {len(head)} numbers in line {number}, and it reads '{line[:60]}'; correct it."
             ) from None
-    if not np.isfinite(rows).all(1).any():
+    if not (np.abs(rows) < LARGEST).all(1).any():
         raise InputError(f"{path}: expected rows of numbers below the names of the columns, and there are none.")
     return head[4:], rows, declared
 

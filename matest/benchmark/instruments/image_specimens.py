@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import re
 import struct
-from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -144,7 +143,7 @@ def webp() -> list[bytes]:
 def jpeg2000() -> list[bytes]:
     import imagecodecs
 
-    coded = imagecodecs.jpeg2k_encode(pixels(np.uint16), level=0, reversible=True, bitspersample=16)
+    coded = bytes(imagecodecs.jpeg2k_encode(pixels(np.uint16), level=0, reversible=True, bitspersample=16))
     return [_pillow("JPEG2000", pixels(np.uint8, 3)), _pillow("JPEG2000", pixels(np.uint8, 4), no_jp2=True), coded]
 
 

@@ -242,7 +242,7 @@ def test_strips_that_are_too_short_are_refused(tmp_path):
     assert str(path) in refusal(lambda: read_tiff(path))
 
 
-def test_what_tifffile_complains_of_is_said_and_not_printed(tmp_path, caplog, capfd):
+def test_what_tifffile_complains_of_is_said_and_not_printed(tmp_path, capfd):
     path = write(tmp_path / "a.tif", content(np.uint8), software="a program of some length")
     data = path.read_bytes()
     # The tag of the software: its type, its length, and a place beyond the end of the file.
