@@ -109,10 +109,11 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "cook-torrance": {"model": "cook-torrance"},
     "auto": {"model": "auto"},
     "maps": {"model": "lambert", "maps": ("albedo",)},
-    "refine": {"model": "oren-nayar", "refine": ("auto",)},
+    "refine auto": {"model": "oren-nayar", "refine": ("auto",)},
+    "refine all": {"model": "auto", "refine": ("all",)},
 }
 # Captures that have other reasons to end badly for each of the options.
-DELICATE = ("black", "constant", "one pixel")
+DELICATE = ("black", "white", "constant")
 
 
 def outcome(capture: Path, options: dict[str, Any], out: Path) -> matest.Estimate | str:
