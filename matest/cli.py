@@ -9,6 +9,7 @@ import io
 import os
 import signal
 import sys
+import warnings
 from types import FrameType
 from typing import Annotated, Any
 
@@ -35,6 +36,9 @@ _ENDS = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(sign
 def main() -> None:
     """Run the command: exit code 0, 1 (the work failed) or 2 (bad input)."""
     _open_streams()
+    _hush_libraries()
+    # They are for programmers.
+    warnings.simplefilter("ignore")
     for kind in _ENDS:
         # What is ignored, as by nohup, stays so.
         if signal.getsignal(kind) is signal.SIG_DFL:
@@ -84,6 +88,18 @@ def _open_streams() -> None:
         elif isinstance(stream, io.TextIOWrapper):
             # A terminal or a locale may lack ± and σ, and file names may be no text.
             stream.reconfigure(errors="replace")
+
+
+def _hush_libraries() -> None:
+    """Let standard error be Python's alone: decoders print there what they think of a damaged file."""
+    stream = sys.stderr
+    # Whoever runs the command inside of Python has a stream of his own.
+    if isinstance(stream, io.TextIOWrapper) and stream is sys.__stderr__ and _DEBUG not in os.environ:
+        own = os.dup(_ERRORS)
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, _ERRORS)
+        os.close(null)
+        sys.stderr = open(own, "w", encoding=stream.encoding, errors=stream.errors, buffering=1)  # noqa: SIM115
 
 
 def _ignore_signals() -> None:

@@ -262,7 +262,7 @@ def _check_outputs(description: Description, folder: Path, names: list[str]) -> 
         InputError: a file that is in the way, or that the scene itself refers to.
     """
     target = folder / _CAPTURE
-    earlier = target.exists() and target.read_text("utf-8").startswith(_HEADER.split("{")[0])
+    earlier = target.is_file() and target.read_bytes().startswith(_HEADER.split("{")[0].encode())
     if target.exists() and not earlier:
         raise InputError(f"{target}: exists and was not written by 'matest render'; give another folder with -o.")
     copied = [] if _same(folder, description.folder) else _copied(description)

@@ -25,6 +25,7 @@ SUITES = {
     "scaling": "growth of the time with pixels, images and parameters",
     "memory": "peak of 12 and of 120 photographs",
     "start": "fresh processes",
+    "fuzz": "damaged files for every reader",
     "command": "the whole command on captures that state no noise, against decoding",
     "export": "what conversions to other programs cost, and what Mitsuba renders of them beside our shader",
 }

@@ -12,7 +12,7 @@ from matest.capture.description import Description
 from matest.capture.formats.colmap import read_colmap
 from matest.capture.formats.transforms import read_transforms
 from matest.capture.formats.view import CameraFile, View
-from matest.capture.schema import CameraTable, File
+from matest.capture.schema import CameraTable, File, check_ranges
 from matest.errors import Fault, InputError, nearest, refuse
 from matest.photographs.readers import READERS
 
@@ -51,6 +51,7 @@ def with_camera(description: Description[File], shape: tuple[int, int]) -> tuple
     own = {key: getattr(table, key) for key in ("wavelength", "resolution", "supersampling")}
     camera = msgspec.structs.replace(view.table(), **own)
     tables = msgspec.structs.replace(description.tables, camera=camera)
+    check_ranges(tables, file.path)
     return replace(description, tables=tables), tuple(f"{file.path.name}: {note}." for note in (*view.notes, *notes))
 
 

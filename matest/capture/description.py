@@ -11,6 +11,7 @@ from typing import Any, Generic
 from matest.capture import schema
 from matest.capture.formats import LAYOUTS, Content, Layout, recognise
 from matest.capture.formats.colmap import model_files
+from matest.capture.formats.folder import is_file
 from matest.capture.schema import File
 from matest.errors import Fault, InputError, errors_of, refuse
 from matest.photographs.images import read_image
@@ -102,17 +103,9 @@ class Description(Generic[File]):
                 f"{self.file}: {key} = '{reference}' leads outside {self.root}, the captures' common folder{how}; "
                 f"copy the file into it and refer to it there{'' if scene else ', or allow it with --allow-outside'}."
             )
-        if not _is_file(target):
+        if not is_file(target):
             raise InputError(f"{target}: no such file; {key} refers to it. Put it there or correct the name.")
         return target
-
-
-def _is_file(path: Path) -> bool:
-    """Whether a path leads to a regular file; none that is too long does."""
-    try:
-        return path.is_file()
-    except OSError:
-        return False
 
 
 def describe(path: str | Path, kind: type[File], *, root: Path | None = None) -> Description[File]:

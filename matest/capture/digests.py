@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from matest.capture.formats.folder import is_file
 from matest.errors import InputError
 
 
@@ -17,7 +18,7 @@ def digested(paths: Iterable[Path], digests: dict[Path, str]) -> Iterator[None]:
     Raises:
         InputError: a file changed meanwhile.
     """
-    before = {path: _version(path) for path in paths if path.is_file()}
+    before = {path: _version(path) for path in paths if is_file(path)}
     yield
     for path, version in before.items():
         with path.open("rb") as file:

@@ -27,6 +27,8 @@ _TEXTURES = "textures"
 _TEXTURED = ("gltf", "mitsuba", _TEXTURES)
 # Largest side of a texture.
 _LARGEST = 16_384
+# What every file but a table has among so many bytes at its beginning.
+_MARK, _MARKED = b"matest", 1 << 16
 
 
 def export(
@@ -61,7 +63,7 @@ def export(
     """Write an estimated material for another program, with the measured error of the conversion.
 
     A lobe that the other program has is converted to its conventions; otherwise its nearest one is fitted. Without -o
-    the file lies beside the result folder, named like it.
+    the file lies beside the result folder, named like it. It replaces that of an earlier export and no other.
     """
     from matest.estimation.result import material_is_relative
     from matest.export import TARGETS
@@ -82,8 +84,7 @@ def export(
             file = out or folder.with_name(folder.name + TARGETS[to].SUFFIX)
             if file.is_dir() or not file.absolute().parent.is_dir():
                 raise InputError(f"{file}: expected a file name in an existing folder; give one with -o.")
-            if file.exists() and file.suffix.lower() != TARGETS[to].SUFFIX:
-                raise InputError(f"{file}: exists and is no {TARGETS[to].SUFFIX} file; give another name with -o.")
+            _keep_others(file)
             conversion, merged = _write(results, to, file, size, say, fitted=fitted)
             content, lines = _content(conversion, file, to, merged), _lines(conversion, merged)
     if all(map(material_is_relative, results)):
@@ -110,6 +111,24 @@ def _check_textures(results: Sequence[Path], to: str, size: int | None, *, fitte
         raise InputError(f"--size is that of textures, and --to {to} has none; omit it.")
     if size is not None and not 1 <= size <= _LARGEST:
         raise InputError(f"--size is a number of texels from 1 to {_LARGEST}, such as 1024; got {size}.")
+
+
+def _keep_others(file: Path) -> None:
+    """Refuse to replace a file that is not from an earlier export, which names matest near its beginning.
+
+    Raises:
+        InputError: there is one. A measured table says nothing of where it is from.
+    """
+    if not file.exists():
+        return
+    earlier = False
+    if file.is_file():
+        with file.open("rb") as stream:
+            earlier = _MARK in stream.read(_MARKED)
+    if not earlier:
+        raise InputError(
+            f"{file}: exists and may not be from an earlier export; remove it, or write elsewhere with -o."
+        )
 
 
 def _write_textures(
@@ -164,6 +183,8 @@ def _write(
     say("writing")
     if merged is not None:
         target = gltf if to == "gltf" else mitsuba
+        if to == "mitsuba" and not file.exists():
+            _keep_others(file.with_suffix(mitsuba.MESH_SUFFIX))
         keep_inputs([file, file.with_suffix(mitsuba.MESH_SUFFIX)], merged.files)
         return target.write(merged.textured.material, file, textured=merged.textured), merged
     material = load_material(results[0])

@@ -235,7 +235,7 @@ def load_material(path: str | Path) -> Brdf:
         return brdf.replace(values)
     except InputError as error:
         raise InputError(f"{_material_file(path)}: expected a material of 'matest estimate'; {error}") from None
-    except (TypeError, ValueError, RuntimeError) as error:
+    except (TypeError, ValueError, OverflowError, RuntimeError) as error:
         file = _material_file(path)
         raise InputError(f"{file}: expected a material of 'matest estimate'; cannot read it ({error}).") from None
 
@@ -270,7 +270,23 @@ def read_result(folder: Path) -> dict[str, Any]:
         raise InputError(f"{file}: no such file; expected a result folder of 'matest estimate'; check the path.")
     try:
         content = json.loads(file.read_text("utf-8"))
-        _ = content["parameters"].items(), content["provenance"].items()
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        _check_result(content)
+    except (ValueError, OverflowError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise InputError(f"{file}: expected the result of 'matest estimate'; cannot read it ({error!r}).") from None
     return content
+
+
+def _check_result(content: dict[str, Any]) -> None:
+    """Refuse a result whose standard errors are no numbers, or whose paths are no text.
+
+    Raises:
+        ValueError, OverflowError, KeyError, TypeError, AttributeError: something is missing or wrong.
+    """
+    for name, parameter in content["parameters"].items():
+        std = parameter.get("std")
+        values = std if isinstance(std, list) else [0.0 if std is None else std]
+        if not all(map(math.isfinite, values)):
+            raise ValueError(f"the standard error of {name} is {std}")
+    for key in ("capture", "root"):
+        if not isinstance(content["provenance"].get(key), str | None):
+            raise TypeError(f"provenance.{key} is no path")

@@ -113,7 +113,7 @@ def moments(columns: Columns, problem: LeastSquares, residual: Tensor, groups: T
         # One product of matrices for all channels.
         weighted_of_all, columns_of_all = weighted.flatten(0, 1), values[0]
         products = torch.stack([weighted_of_all[:, part] @ columns_of_all[:, part].T for part in parts])
-        products = products.reshape(-1, channels, count + 1, count)
+        products = products.reshape(len(parts), channels, count + 1, count)
     else:
         products = torch.stack([weighted[..., part] @ values[..., part].mT for part in parts])
     products = products.double().cpu()

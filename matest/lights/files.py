@@ -23,7 +23,7 @@ def check_tables(file: Path) -> None:
     Raises:
         InputError: there is another file.
     """
-    if file.exists() and not file.read_bytes().startswith(_HEADER.encode("utf-8")):
+    if file.exists() and not (file.is_file() and file.read_bytes().startswith(_HEADER.encode("utf-8"))):
         raise InputError(
             f"{file}: exists and would be overwritten by the tables of the lights; write elsewhere with -o."
         )

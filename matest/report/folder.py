@@ -71,6 +71,8 @@ def _is_picture(name: str, written: Collection[str]) -> bool:
 
 def _written(marker: Path) -> Collection[str]:
     """The files, but for pictures, of the result that a JSON file is of; none where it is none of matest's."""
+    if not marker.is_file():
+        return ()
     try:
         content = json.loads(marker.read_text("utf-8"))
         if not str(content["schema"]).startswith("matest."):

@@ -53,7 +53,7 @@ class Raster:
     @staticmethod
     def of(surface: Surface, step: int) -> Raster:
         """One pixel of every `step`×`step` of a surface, from the middle of each square."""
-        rows, columns = (np.arange(step // 2, side, step) for side in surface.shape)
+        rows, columns = (np.arange(min(step, side) // 2, side, step) for side in surface.shape)
         shown = (rows[:, None] * surface.shape[1] + columns).ravel()
         nearest = np.searchsorted(surface.pixels, shown.astype(surface.pixels.dtype)).clip(max=len(surface) - 1)
         on_object = surface.pixels[nearest] == shown

@@ -11,6 +11,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from matest.errors import InputError
+from matest.scene.instances import check_instances, flatten
 
 # trimesh logs the tracebacks of what shapes do not need, such as a missing texture; without a handler they are printed.
 logging.getLogger("trimesh").addHandler(logging.NullHandler())
@@ -25,6 +26,8 @@ _SMOOTH_ANGLE = np.deg2rad(45)
 _ARCHIVES = ("zip", "gz", "bz2", "tar", "tgz")
 # Suffixes of meshes that are text.
 _TEXT = (".obj", ".off")
+# Largest coordinate of a vertex: squares of lengths must stay within single precision.
+_LARGEST = 1e15
 # Extent of a mesh as Embree sees it, so that what it takes for small does not depend on the unit of length.
 _EMBREE_EXTENT = 100.0
 
@@ -49,8 +52,13 @@ class Mesh:
     ) -> None:
         import trimesh
 
+        vertices = np.asarray(vertices, dtype=float)
+        extent = np.linalg.norm(np.ptp(vertices, axis=0)) if len(vertices) else 0.0
+        # trimesh takes lengths for small or equal by fixed measures: it sees a mesh about as large as 1. A power of two
+        # changes no digits.
+        self._unit = 2.0 ** round(np.log2(extent)) if extent > 0 else 1.0
         # Merging vertices keeps the faces and their order.
-        self._mesh = trimesh.Trimesh(vertices, faces, process=True)
+        self._mesh = trimesh.Trimesh(vertices / self._unit, faces, process=True)
         self._file_normals = None if normals is None else normals[faces]
         self.corner_uv = None if uv is None else uv[faces]
 
@@ -66,11 +74,15 @@ class Mesh:
         kind = path.suffix.lower().removeprefix(".")
         if kind in _ARCHIVES:
             raise InputError(f"{path}: expected a mesh, not an archive; unpack it and give the mesh in it.")
+        if not path.is_file():
+            raise InputError(f"{path}: no such mesh; put it there or correct its name.")
         # trimesh asks it for files by name, as it asks a mapping.
         resolver: Any = _Beside(path.parent)
         try:
             with _opened(path) as file:
                 scene = trimesh.load_scene(file, file_type=kind, resolver=resolver, process=False)
+            check_instances(scene, path.stat().st_size)
+            flatten(scene)
             mesh = scene.to_mesh()
         except MemoryError:
             raise
@@ -82,18 +94,24 @@ class Mesh:
                 f"{path}: expected a triangle mesh that trimesh reads (PLY, OBJ, STL, GLB); got '{reason}'. Export the "
                 "mesh again."
             ) from None
-        if not len(getattr(mesh, "faces", ())) or not np.isfinite(mesh.vertices).all():
+        faces = np.asarray(getattr(mesh, "faces", ()))
+        if not len(faces):
             raise InputError(
-                f"{path}: expected a mesh with triangles and finite vertices; got "
-                f"{len(getattr(mesh, 'faces', ()))} triangles. Export the surface, not only points or lines."
+                f"{path}: expected a mesh with triangles; got 0 triangles. Export the surface, not only points."
             )
-        faces = np.asarray(mesh.faces)
+        vertices = np.asarray(mesh.vertices)
+        if vertices.ndim != 2 or vertices.shape[1] != 3 or not (np.abs(vertices) < _LARGEST).all():
+            raise InputError(
+                f"{path}: expected vertices of three numbers below {_LARGEST:g}; got others. Export the mesh again."
+            )
+        if not np.ptp(vertices, axis=0).any():
+            raise InputError(f"{path}: all vertices are at one place; export the mesh again.")
         if faces.min() < 0 or faces.max() >= len(mesh.vertices):
             raise InputError(
                 f"{path}: expected faces of its {len(mesh.vertices):,} vertices; one names the vertex "
                 f"{faces.min() if faces.min() < 0 else faces.max()} (from 0). Export the mesh again."
             )
-        return cls(np.asarray(mesh.vertices), faces, _normals_of_file(scene), _uv_of_file(scene))
+        return cls(vertices, faces, _normals_of_file(scene), _uv_of_file(scene))
 
     @cached_property
     def corner_normals(self) -> np.ndarray:
@@ -125,20 +143,26 @@ class Mesh:
 
         Its volume is compared with that of its convex hull. A mesh of many faces counts as not convex.
         """
+        from scipy.spatial import QhullError
+
         mesh = self._mesh
         if len(mesh.faces) > _MAX_HULL_FACES or not mesh.is_watertight:
             return False
-        return bool(mesh.volume >= (1 - _CONVEX_TOLERANCE) * mesh.convex_hull.volume)
+        try:
+            hull = mesh.convex_hull
+        except QhullError:
+            return False  # it is flat
+        return bool(mesh.volume >= (1 - _CONVEX_TOLERANCE) * hull.volume)
 
     @cached_property
     def extent(self) -> float:
         """Length of the bounding box's diagonal."""
-        return float(self._mesh.scale)
+        return self._unit * float(self._mesh.scale)
 
     @cached_property
     def bounds(self) -> np.ndarray:
         """Lowest and highest corner, [2, 3]."""
-        return np.asarray(self._mesh.bounds)
+        return self._unit * np.asarray(self._mesh.bounds)
 
     def nearest_depth(self, direction: np.ndarray) -> float:
         """Smallest coordinate of the bounding box along a unit vector [3]."""
@@ -161,10 +185,10 @@ class Mesh:
         hits = self._embree.run(self._scaled(origins), _single(directions), dists=distances, query="OCCLUDED")
         return np.asarray(hits >= 0)
 
-    @property
+    @cached_property
     def vertices(self) -> np.ndarray:
         """Positions that faces share [V, 3]."""
-        return np.asarray(self._mesh.vertices)
+        return self._unit * np.asarray(self._mesh.vertices)
 
     @property
     def faces(self) -> np.ndarray:
@@ -174,7 +198,7 @@ class Mesh:
     @property
     def triangles(self) -> np.ndarray:
         """Corners of the faces [F, 3, 3]."""
-        return np.asarray(self._mesh.triangles)
+        return self.vertices[self.faces]
 
     def face_normals(self, faces: np.ndarray) -> np.ndarray:
         return np.asarray(self._mesh.face_normals[faces])
@@ -193,7 +217,7 @@ class Mesh:
         from embreex.rtcore_scene import EmbreeScene
 
         scene = EmbreeScene()
-        TriangleMesh(scene=scene, vertices=self._scaled(self._mesh.vertices), indices=self._mesh.faces.astype(np.int32))
+        TriangleMesh(scene=scene, vertices=self._scaled(self.vertices), indices=self._mesh.faces.astype(np.int32))
         return scene
 
 

@@ -39,6 +39,8 @@ _SYMBOLS = {
 _ETA = ".eta.spd"
 # Largest first wavelength of a table in µm; that of one in nm is larger.
 _LARGEST_START = 20.0
+# Largest number of a table: those of nature are below a million.
+_LARGEST = 1e15
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +178,7 @@ def _read(path: Path) -> tuple[list[np.ndarray], list[str]]:
         if all(value is None for value in values):
             blocks += [[]] if cells else []
             continue
-        row = [value for value in values if value is not None and 0 <= value < np.inf]
+        row = [value for value in values if value is not None and 0 <= value < _LARGEST]
         if len(row) < len(cells) or not 2 <= len(row) <= 3 or len(row) != len((blocks[-1] or [row])[0]):
             raise InputError(
                 f"{path}: line {number} must hold two or three numbers, none negative, as many as the lines above; "

@@ -11,7 +11,7 @@ from matest.directions import from_angles
 from matest.errors import InputError, errors_of
 from matest.spectra import to_rgb
 from matest.tables.declaration import RGB_NOTE, Declaration
-from matest.tables.table import Table
+from matest.tables.table import LARGEST, Table
 
 # θi, φi, θr, φr in radians, before the values of a row.
 _ANGLES = 4
@@ -32,7 +32,7 @@ def read(path: Path, declaration: Declaration) -> Table:
         numbers = np.array(words, dtype=float)
     except (ValueError, UnicodeDecodeError):
         raise InputError(f"{path}: expected numbers and # comments, and it has other text; is it a Cornell table?")
-    count = int(numbers[0]) if len(numbers) else 0
+    count = int(numbers[0]) if len(numbers) and abs(numbers[0]) < LARGEST else 0
     width = _ANGLES + count
     if count < 1 or numbers[0] != count or len(numbers) < 1 + count + width or (len(numbers) - 1 - count) % width:
         raise InputError(
@@ -40,7 +40,7 @@ def read(path: Path, declaration: Declaration) -> Table:
             f"each, and the {len(numbers):,} numbers do not divide into such rows; is the file complete?"
         )
     nanometres, rows = numbers[1 : 1 + count], numbers[1 + count :].reshape(-1, width)
-    finite = np.isfinite(rows).all(1)
+    finite = (np.abs(rows) < LARGEST).all(1)  # False for NaN
     theta_i, phi_i, theta_o, phi_o = torch.from_numpy(rows[:, :_ANGLES].T)
     wi, wo = from_angles(theta_i, phi_i), from_angles(theta_o, phi_o)
     kept = torch.from_numpy(finite) & (wi[:, 2] > 0) & (wo[:, 2] > 0)

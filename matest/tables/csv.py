@@ -17,7 +17,7 @@ from matest.errors import InputError, errors_of, nearest
 from matest.tables import measurements, readings
 from matest.tables.columns import SLIP, Text, in_channels
 from matest.tables.declaration import READINGS, Declaration
-from matest.tables.table import Table
+from matest.tables.table import LARGEST, Table
 
 ANGLES = ("theta_i", "phi_i", "theta_r", "phi_r")
 
@@ -40,7 +40,7 @@ def read(path: Path, declaration: Declaration) -> Table:
     with errors_of(path):
         # Options come before what the file says.
         declaration = declaration.completed(declared)
-        finite = np.isfinite(rows).all(1)
+        finite = (np.abs(rows) < LARGEST).all(1)  # False for NaN
         angles, values = rows[finite, : len(ANGLES)], rows[finite, len(ANGLES) :]
         units, radians = readings.in_radians(angles, declaration.units)
         theta_i, theta_r = radians[:, 0], radians[:, 2]
@@ -97,6 +97,6 @@ def _rows(text: Text) -> np.ndarray:
             "columns so."
         )
     rows = text.numbers(text.cells())
-    if not np.isfinite(rows).all(1).any():
+    if not (np.abs(rows) < LARGEST).all(1).any():
         raise InputError(f"{text.path}: expected rows of numbers below the names of the columns, and there are none.")
     return rows

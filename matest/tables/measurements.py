@@ -32,7 +32,7 @@ from matest.directions import to_local
 from matest.errors import Fault, InputError, nearest, refuse
 from matest.tables.columns import SLIP, Text, in_channels
 from matest.tables.declaration import Declaration
-from matest.tables.table import Table
+from matest.tables.table import LARGEST, Table
 
 CODE = "code"
 _PIXEL, _CHANNEL, _EXPOSURE, _INTENSITY = "pixel", "channel", "exposure", "intensity"
@@ -94,9 +94,9 @@ class _Measurements:
 
     @property
     def finite(self) -> NDArray[np.bool_]:
-        """Whether all numbers of a row are [n]."""
+        """Whether all numbers of a row are, and none is too large for one [n]."""
         numbers = np.column_stack([self.code, self.exposure, self.geometry])
-        return np.asarray(np.isfinite(numbers).all(axis=1))
+        return np.asarray((np.abs(numbers) < LARGEST).all(axis=1))  # False for NaN
 
 
 def headings(text: Text) -> dict[str, str]:

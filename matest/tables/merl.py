@@ -12,7 +12,7 @@ from torch import Tensor
 from matest.directions import from_angles
 from matest.errors import InputError, errors_of
 from matest.tables.declaration import Declaration
-from matest.tables.table import Table
+from matest.tables.table import LARGEST, Table
 
 # Cells in θh, θd and φd. A file begins with these three numbers, as int32.
 SHAPE = (90, 90, 180)
@@ -49,7 +49,7 @@ def read(path: Path, declaration: Declaration) -> Table:
     wi, wo, measure = cells()
     above = ((wi[:, 2] > 0) & (wo[:, 2] > 0)).numpy()
     # A comparison that NaN fails.
-    measured = (stored >= 0).all(0) & np.isfinite(stored).all(0)
+    measured = ((stored >= 0) & (stored < LARGEST)).all(0)
     kept = np.flatnonzero(above & measured)
     if not len(kept):
         raise InputError(f"{path}: expected measured values, and every entry is marked as invalid; download it again.")

@@ -8,6 +8,9 @@ from pathlib import Path
 
 from torch import Tensor
 
+# Numbers of a file that are larger are no measurements: their squares must stay within single precision.
+LARGEST = 1e15
+
 
 @dataclass(frozen=True, eq=False)
 class Table:

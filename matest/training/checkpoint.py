@@ -53,6 +53,8 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
         InputError: the file is no checkpoint, or damaged.
     """
     try:
+        if not path.is_file():
+            raise ValueError("it is no regular file")
         with safe_open(path, framework="pt") as file:
             metadata = file.metadata() or {}
             if metadata["schema"] != _SCHEMA:

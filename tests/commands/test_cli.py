@@ -210,3 +210,19 @@ def test_a_signal_after_the_work_changes_nothing() -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.startswith("matest ")
+
+
+def test_what_decoders_print_of_a_damaged_file_is_not_seen(tmp_path: Path) -> None:
+    import cv2
+    import numpy as np
+
+    damaged = bytearray(cv2.imencode(".png", np.zeros((4, 4, 3), np.uint8))[1].tobytes())
+    damaged[damaged.index(b"IDAT") + 8] ^= 255
+    (tmp_path / "a.png").write_bytes(damaged)
+    code = "from matest.cli import main; main()"
+    command = [sys.executable, "-c", code, "compare", "a.png", "a.png"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.startswith("matest: a.png: the image cannot be read")
+    assert done.stderr.count("\n") == 1

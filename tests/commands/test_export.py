@@ -85,3 +85,21 @@ def test_a_folder_without_a_material_is_named(run: Run, tmp_path: Path) -> None:
     code, _, err = run("export", tmp_path, "--to", "merl")
     assert code == 2
     assert str(tmp_path) in err
+
+
+@pytest.mark.parametrize(("target", "suffix"), [("mitsuba", ".xml"), ("materialx", ".mtlx"), ("gltf", ".glb")])
+def test_a_file_of_the_user_is_not_replaced(run: Run, result: Path, target: str, suffix: str) -> None:
+    own = result.with_name(f"ball{suffix}")
+    for place in ([], ["-o", own]):
+        own.write_bytes(b"the mesh that the photographs show")
+        code, _, err = run("export", result, "--to", target, *place)
+        assert code == 2
+        assert f"{own}: exists and may not be from an earlier export" in err
+        assert own.read_bytes() == b"the mesh that the photographs show"
+
+
+def test_a_table_is_not_replaced(run: Run, result: Path) -> None:
+    own = result.with_name("ball.binary")
+    own.write_bytes(b"measured")
+    assert run("export", result, "--to", "merl")[0] == 2
+    assert own.read_bytes() == b"measured"

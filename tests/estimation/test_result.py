@@ -15,7 +15,7 @@ import torch
 from matest.brdf import Brdf, CookTorrance, Lambert, OrenNayar, TorranceSparrow
 from matest.capture import Capture
 from matest.estimation.estimate import estimate
-from matest.estimation.result import Estimate, load_material
+from matest.estimation.result import Estimate, load_material, read_result
 from matest.photographs.noise import Noise
 from matest.photographs.photometry import Encoding
 from tests.captures import changed, directional, refusal
@@ -297,3 +297,10 @@ def test_a_material_that_is_no_number_is_refused(tmp_path: Path, albedo: str) ->
     file = tmp_path / "material.json"
     file.write_text(f'{{"model": "lambert", "parameters": {{"albedo": {albedo}}}}}', "utf-8")
     assert refusal(lambda: load_material(file)).startswith(f"{file}: expected a material of 'matest estimate'; ")
+
+
+@pytest.mark.parametrize("std", ["NaN", "[0.1, Infinity]", '"0.1"', "[[0.1]]", "{}", "1" + "0" * 400])
+def test_a_stored_result_has_errors_that_are_numbers(tmp_path: Path, std: str) -> None:
+    provenance = '"provenance": {"capture": ".."}'
+    (tmp_path / "result.json").write_text(f'{{"parameters": {{"albedo": {{"std": {std}}}}}, {provenance}}}')
+    assert str(tmp_path / "result.json") in refusal(lambda: read_result(tmp_path))

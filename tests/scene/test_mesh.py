@@ -255,3 +255,37 @@ def test_an_archive_is_not_unpacked(tmp_path, suffix):
     path = tmp_path / f"mesh{suffix}"
     path.write_bytes(b"PK")
     assert "not an archive" in refusal(lambda: Mesh.load(path))
+
+
+@pytest.mark.parametrize("unit", [1e-12, 1e-8, 1e8, 1e14])
+def test_a_mesh_is_the_same_in_any_unit(tmp_path, unit):
+    ball = trimesh.creation.icosphere(subdivisions=1)
+    ball.export(tmp_path / "one.stl")
+    ball.apply_scale(unit).export(tmp_path / "other.stl")
+    one, other = (Mesh.load(tmp_path / f"{name}.stl") for name in ("one", "other"))
+    np.testing.assert_array_equal(one.faces, other.faces)
+    np.testing.assert_allclose(unit * one.vertices, other.vertices, rtol=1e-6, atol=1e-6 * unit)
+    np.testing.assert_allclose(one.corner_normals, other.corner_normals, atol=1e-5)
+    assert other.convex
+    assert other.extent == pytest.approx(unit * one.extent)
+    rays = np.tile([[0.0, 0, -1]], (2, 1))
+    hits = other.first_faces(unit * np.array([[0.1, 0.2, 3], [1.5, 0, 3]]), rays)
+    assert (hits[0] >= 0, hits[1]) == (True, -1)
+
+
+def test_a_flat_mesh_is_not_convex(tmp_path):
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 3 2 1\n")
+    assert not Mesh.load(tmp_path / "a.obj").convex
+
+
+@pytest.mark.parametrize(
+    ("vertices", "says"),
+    [
+        ("v 0 0\nv 1 0\nv 0 1\n", "three numbers"),
+        ("v 0 0 0\nv 1e30 0 0\nv 0 1 0\n", "below 1e+15"),
+        ("v 1 2 3\nv 1 2 3\nv 1 2 3\n", "at one place"),
+    ],
+)
+def test_vertices_that_are_no_places_are_refused(tmp_path, vertices, says):
+    (tmp_path / "a.obj").write_text(vertices + "f 1 2 3\n")
+    assert says in refusal(lambda: Mesh.load(tmp_path / "a.obj"))

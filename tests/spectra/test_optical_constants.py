@@ -15,6 +15,7 @@ from torch import Tensor
 from matest.errors import InputError
 from matest.spectra import OpticalConstants, metal_colour, normal_reflectance, optical_constants
 from tests import tolerances
+from tests.captures import refusal
 
 # The function of that name hides the module.
 MODULE = sys.modules["matest.spectra.optical_constants"]
@@ -211,3 +212,8 @@ def test_normal_reflectance_is_the_square_of_the_complex_amplitude(rng: np.rando
     index = torch.complex(eta, -k)
     expected: Tensor = ((index - 1) / (index + 1)).abs().square()
     torch.testing.assert_close(normal_reflectance(eta, k), expected, rtol=tolerances.INDEPENDENT, atol=0)
+
+
+def test_immense_numbers_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_text("0.4 0.2 3.1\n0.5 1e308 3.2\n")
+    assert "line 2" in refusal(lambda: optical_constants(tmp_path / "a.txt"))

@@ -12,6 +12,7 @@ import torch
 from matest.errors import InputError
 from matest.spectra import to_rgb
 from matest.tables import Declaration, load_table
+from tests.captures import refusal
 from tests.shared_data import measurement
 
 TABLE = """# a surface
@@ -80,3 +81,9 @@ def test_measured_enamels_are_read_whole(name: str, dark: int) -> None:
     brightest = int(table.values.mean(1).argmax())
     half = table.wi[brightest] + table.wo[brightest]
     assert float(half[2] / half.norm()) > np.cos(np.radians(3))
+
+
+@pytest.mark.parametrize("count", ["nan", "inf", "-inf", "1e300", "-3", "2.5"])
+def test_a_count_that_is_none_is_refused(tmp_path: Path, count: str) -> None:
+    (tmp_path / "a.brdf").write_text(f"{count}\n450 550\n0.1 0 0.2 0 0.3 0.4\n")
+    assert "the number of wavelengths" in refusal(lambda: load_table(tmp_path / "a.brdf"))

@@ -169,3 +169,12 @@ def test_matte_tables_do_not_tell_the_side_of_the_azimuth(tmp_path: Path) -> Non
             path = write_csv(measured(material, hemispherical()), tmp_path / "a.csv", forward=forward)
             with pytest.raises(InputError, match="both readings fit alike; declare --azimuth"):
                 load_table(path, Declaration(quantity="f"))
+
+
+def test_a_row_with_an_immense_number_is_left_out(tmp_path: Path) -> None:
+    rows = [f"{i},0,{r},0,{0.3 + 0.1 * i}" for i in (0.1, 0.5, 0.9) for r in (0.2, 0.6)]
+    head = "# units: rad\n# azimuth: retro\n# quantity: f\ntheta_i,phi_i,theta_r,phi_r,f\n"
+    (tmp_path / "a.csv").write_text(head + "\n".join([*rows, "0.3,0,0.4,0,1e300"]) + "\n")
+    table = load_table(tmp_path / "a.csv")
+    assert len(table) == len(rows)
+    assert table.skipped["not a number"] == 1

@@ -201,7 +201,7 @@ def _whole(path: Path) -> Iterator[bytes]:
     """The content of a binary file; refused where the block reads beyond its end."""
     try:
         yield path.read_bytes()
-    except (struct.error, OSError, ValueError) as error:
+    except (struct.error, OSError, ValueError, OverflowError) as error:
         if isinstance(error, InputError):
             raise
         raise InputError(

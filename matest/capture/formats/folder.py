@@ -33,6 +33,14 @@ def files_by_name(folder: Path) -> dict[str, Path]:
     return {file.name.lower(): file for file in sorted(folder.iterdir()) if file.is_file() and file.name[0] != "."}
 
 
+def is_file(path: Path) -> bool:
+    """Whether a path leads to a regular file; none that is too long, or has a NUL, does."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
 def list_of_lights(path: Path, suffix: str) -> tuple[Path, ...]:
     """The one file with a suffix in a folder, or a file that has it; empty where there is none.
 
@@ -149,7 +157,7 @@ def image_named(file: Path, name: str, line: int) -> str:
     """
     folder, path = file.parent, PureWindowsPath(name)
     parts = [part for part in path.parts if part not in (path.anchor, "..")]
-    if len(parts) == len(path.parts) and (folder / name).is_file():
+    if len(parts) == len(path.parts) and is_file(folder / name):
         return name
     for start in range(len(parts)):
         present = files_by_name(folder.joinpath(*parts[start:-1])).get(parts[-1].lower())

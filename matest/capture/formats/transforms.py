@@ -69,12 +69,14 @@ class Transforms:
         to_world = _matrix(frame.transform_matrix, f"{label}: transform_matrix")
         if not (math.isfinite(self.content.applied_scale) and self.content.applied_scale > 0):
             raise InputError(f"{self.path}: applied_scale must be positive; got {self.content.applied_scale}.")
-        to_world[:3, 3] /= self.content.applied_scale
-        if self.content.applied_transform is not None:
-            applied = _matrix(self.content.applied_transform, f"{self.path}: applied_transform")
-            if not abs(np.linalg.det(applied)) > 0:
-                raise InputError(f"{self.path}: applied_transform cannot be undone; its determinant is 0.")
-            to_world = np.linalg.inv(applied) @ to_world
+        # What is beyond all numbers is refused by `rotation`, or by the ranges of a camera.
+        with np.errstate(over="ignore", invalid="ignore"):
+            to_world[:3, 3] /= self.content.applied_scale
+            if self.content.applied_transform is not None:
+                applied = _matrix(self.content.applied_transform, f"{self.path}: applied_transform")
+                if not abs(np.linalg.det(applied)) > 0:
+                    raise InputError(f"{self.path}: applied_transform cannot be undone; its determinant is 0.")
+                to_world = np.linalg.inv(applied) @ to_world
         axes, notes = rotation(label, to_world[:3, :3])
         return View(axes.T, to_world[:3, 3], self._lens(frame, label, size), notes)
 
@@ -123,7 +125,7 @@ def read_transforms(path: Path) -> Transforms:
             f"{path}: expected a transforms.json; {place + ': ' if place else ''}{text[0].lower()}{text[1:]}. Export "
             "it anew."
         ) from None
-    except (msgspec.DecodeError, OSError, RecursionError) as error:
+    except (ValueError, OSError, RecursionError) as error:
         raise InputError(f"{path}: expected a transforms.json; {error}. Export it anew.") from None
     if not content.frames:
         raise InputError(f"{path}: expected at least one frame; got none.")

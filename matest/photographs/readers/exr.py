@@ -68,6 +68,8 @@ def read_exr(path: Path) -> Raster:
             parts = [part.name() for part in file.parts[1:]]
     except (RuntimeError, ValueError, OSError, KeyError) as error:
         raise unreadable(path, f"OpenEXR says: {error}") from None
+    if chromaticities is not None and not _finite(chromaticities):
+        raise unreadable(path, "its chromaticities are no numbers")
     layer, notes = _choice(path, _layers(names), parts)
     if layer.picture == _GREY and _CHROMA & set(layer.channels):
         raise InputError(f"{path}: it stores luminance and chroma (Y, RY, BY); save it with channels R, G, B.")
@@ -85,6 +87,12 @@ def read_exr(path: Path) -> Raster:
         notes.append("the data window is padded with 0 and cropped to the display window")
     coloured = chromaticities is not None and layer.picture == _COLOURS
     return Raster(pixels, tuple(notes), to_rec709=to_rec709(path, chromaticities) if coloured else None)
+
+
+def _finite(chromaticities: Any) -> bool:
+    """Whether an attribute, which may be of any type, is eight finite numbers."""
+    numbers = isinstance(chromaticities, tuple) and all(isinstance(value, int | float) for value in chromaticities)
+    return numbers and len(chromaticities) == 8 and bool(np.isfinite(chromaticities).all())
 
 
 def _layers(names: Sequence[str]) -> list[_Layer]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,10 @@ _BEGIN = b"\xff\x4f\xff\x51"
 _CODING, _TILE = 0xFF52, 0xFF90
 # Place after the begin marker of right and lower end of the image, then left and upper end, four bytes each.
 _EXTENT = 8
+# Place after the begin marker of width and height of a tile, then left and upper end of the first one.
+_TILES = 24
+# Bytes of the markers of a tile.
+_TILE_BYTES = 14
 # Places after the begin marker: number of components, the first of them (three bytes each), the next marker.
 _COMPONENTS, _FIRST_COMPONENT = 40, 42
 # Place, after the marker of the coding, of the kind of wavelet; 1 can be undone.
@@ -55,8 +60,8 @@ def read_jpeg2000(path: Path) -> Raster:
         pixels = imagecodecs.jpeg2k_decode(data)
     except InputError:
         raise
-    # The decoder's own error, and places beyond the end of the file.
-    except (imagecodecs.Jpeg2kError, IndexError, ValueError) as error:
+    # The decoder's own error, channels of several types, and places beyond the end of the file.
+    except (imagecodecs.Jpeg2kError, NotImplementedError, IndexError, ValueError) as error:
         raise unreadable(path, error) from None
     bits = set(stream.bits)
     if len(bits) > 1 or max(bits) > 16 or stream.signed or not stream.whole or len(stream.bits) > 4:
@@ -86,6 +91,12 @@ def _codestream(data: bytes, begin: int) -> _Codestream:
             raise ValueError("a marker has no length")
         place += 2 + length
     right, bottom, left, top = (_number(data, begin + _EXTENT + 4 * number, 4) for number in range(4))
+    width, height, first_left, first_top = (_number(data, begin + _TILES + 4 * number, 4) for number in range(4))
+    if not (width and height):
+        raise ValueError("its tiles have no size")
+    # The decoder asks for memory for every tile.
+    if math.ceil((right - first_left) / width) * math.ceil((bottom - first_top) / height) > len(data) / _TILE_BYTES:
+        raise ValueError(f"the file is truncated after {len(data)} bytes")
     return _Codestream(
         size=(max(bottom - top, 0), max(right - left, 0)),
         bits=tuple((component[0] & 0x7F) + 1 for component in components),

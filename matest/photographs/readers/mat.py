@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+import struct
+import zlib
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from matest.errors import InputError
@@ -12,6 +15,19 @@ from matest.photographs.readers.raster import Raster, check_size, unreadable
 _VERSION_7_3 = b"MATLAB 7.3"
 # Classes of arrays that may be an image, with the bytes of a number.
 _BYTES = {"single": 4, "double": 8, "uint8": 1, "uint16": 2, "uint32": 4, "uint64": 8}
+
+# In files of version 5: place and value of the byte that tells the order of bytes, and place of the first array.
+_ORDER, _LITTLE, _FIRST = 126, ord("I"), 128
+# One of the first bytes of older files is 0.
+_OLDEST = 4 * b"\0"
+# Bytes of the type and length of what follows.
+_TAG = 8
+# Type of an array that is compressed.
+_COMPRESSED = 15
+# Types of numbers: 8 to 64 bits with and without sign, single and double precision.
+_NUMBERS = (1, 2, 3, 4, 5, 6, 7, 9, 12, 13)
+# Bytes of an array before its numbers, at most, without its name.
+_START = 128
 
 
 def read_mat(path: Path) -> Raster:
@@ -30,11 +46,47 @@ def read_mat(path: Path) -> Raster:
             )
         name, shape, kind = images[0]
         check_size(path, shape, _BYTES[kind])
+        _check_numbers(path.read_bytes(), name.encode("latin-1"))
         return Raster(scipy.io.loadmat(path, variable_names=[name])[name])
     except (InputError, MemoryError):
         raise
     except Exception as error:  # whatever a damaged file makes of the parser
         raise unreadable(path, f"SciPy says: {error}") from None
+
+
+def _check_numbers(data: bytes, name: bytes) -> None:
+    """Refuse an array whose numbers have a type that there is not: SciPy would crash.
+
+    Raises:
+        ValueError: there is such a type.
+        struct.error, zlib.error: the file is damaged.
+    """
+    if not all(data[: len(_OLDEST)]):
+        return  # versions before 5 have no such types
+    order, place = "<" if data[_ORDER] == _LITTLE else ">", _FIRST
+    while place < len(data):
+        kind, length = struct.unpack_from(f"{order}II", data, place)
+        array = data[place + _TAG : place + _TAG + length]
+        if kind == _COMPRESSED:
+            array = zlib.decompressobj().decompress(array, _START + len(name))[_TAG:]
+        place += _TAG + length
+        _, _, (_, own_name), (kind, _) = itertools.islice(_parts(array, order), 4)
+        if own_name == name and kind not in _NUMBERS:
+            raise ValueError(f"the numbers of {name.decode('latin-1')} have the type {kind}, which there is not")
+
+
+def _parts(array: bytes, order: str) -> Iterator[tuple[int, bytes]]:
+    """Type and content of the parts of an array: flags, sizes, name, numbers."""
+    place = 0
+    while True:
+        kind, length = struct.unpack_from(f"{order}II", array, place)
+        if kind >> 16:
+            # A short one has its length beside its type.
+            yield kind & 0xFFFF, array[place + 4 : place + 4 + (kind >> 16)]
+            place += _TAG
+        else:
+            yield kind, array[place + _TAG : place + _TAG + length]
+            place += _TAG + length + -length % _TAG
 
 
 def _is_image(shape: Sequence[int], kind: str) -> bool:

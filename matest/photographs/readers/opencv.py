@@ -19,6 +19,8 @@ def decode(path: Path, data: bytes, kind: str) -> tuple[np.ndarray, bytes]:
     """
     import cv2
 
+    # It would print where in its sources a file is damaged.
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:
         image, kinds, blocks = cv2.imdecodeWithMetadata(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:

@@ -10,24 +10,40 @@ from matest.photographs.readers.raster import Raster, check_size, unreadable
 
 # The first bytes of every file.
 _BEGIN = b"\x89PNG"
-# The last chunk of every complete file.
-_END = b"IEND\xaeB`\x82"
+# Place of the first chunk, bytes of a chunk beside its content, and the last chunk of every complete file.
+_FIRST, _FRAME, _END = 8, 12, b"IEND"
 # Places of the size in the file, four bytes each.
 _WIDTH, _HEIGHT = 16, 20
-# Place of the colour type in the file.
-_COLOUR_TYPE = 25
+# Places of the bits of a channel and of the colour type in the file.
+_BITS, _COLOUR_TYPE = 24, 25
 # Colour type of grey with alpha.
 _GREY_ALPHA = 4
+# Channels that are decoded to, by colour type: grey, RGB, a palette, and both with alpha.
+_CHANNELS = {0: 1, 2: 3, 3: 4, _GREY_ALPHA: 4, 6: 4}
 
 
 def read_png(path: Path) -> Raster:
     data = path.read_bytes()
-    if data.rfind(_END) < 0:
-        raise unreadable(path, f"the file is truncated after {len(data)} bytes, its end marker is missing")
     if data.startswith(_BEGIN):
-        check_size(path, [int.from_bytes(data[place : place + 4], "big") for place in (_HEIGHT, _WIDTH)], 2)
+        _check_chunks(path, data)
+        size = [int.from_bytes(data[place : place + 4], "big") for place in (_HEIGHT, _WIDTH)]
+        check_size(path, size, 2 if data[_BITS] > 8 else 1, channels=_CHANNELS.get(data[_COLOUR_TYPE], 4))
     pixels, exif = decode(path, data, "PNG")
     # OpenCV expands grey with alpha to four channels.
     if data[_COLOUR_TYPE] == _GREY_ALPHA:
         pixels = pixels[..., [0, 3]]
     return upright(Raster(pixels), exif_orientation(exif))
+
+
+def _check_chunks(path: Path, data: bytes) -> None:
+    """Refuse a file that ends before its last chunk does: the decoder asks for memory as a chunk says.
+
+    Raises:
+        InputError: it does.
+    """
+    place, name = _FIRST, b""
+    while name != _END:
+        length, name = int.from_bytes(data[place : place + 4], "big"), data[place + 4 : place + 8]
+        place += length + _FRAME
+        if place > len(data):
+            raise unreadable(path, f"the file is truncated after {len(data)} bytes, its end marker is missing")

@@ -47,6 +47,8 @@ def read_raw(path: Path) -> Raster:
         reason = error.args[0] if error.args else error
         text = reason.decode(errors="replace") if isinstance(reason, bytes) else str(reason)
         raise unreadable(path, f"LibRaw says: {text}") from None
+    except NotImplementedError:
+        raise _no_bayer(path) from None  # a filter that rawpy does not know
     note = (
         "camera RAW is read as the sensor counted, from black to white, two by two pixels as one: camera and mask "
         "belong to images of half the size, and the channels are the sensor's own, not those of Rec.709"

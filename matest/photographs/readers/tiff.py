@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 import math
+import threading
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -39,8 +41,9 @@ def read_tiff(path: Path) -> Raster:
     """
     import tifffile
 
+    complaints = _Complaints()
     try:
-        with tifffile.TiffFile(path) as file:
+        with complaints, tifffile.TiffFile(path) as file:
             page = file.pages.first
             _check(path, page, file.filehandle.size)
             # tifffile drops axes of length 1.
@@ -56,7 +59,28 @@ def read_tiff(path: Path) -> Raster:
         pixels = np.moveaxis(pixels, 0, -1)
     raster = _with_alpha(path, page, _at_full_scale(path, page, pixels))
     notes = (*raster.notes, f"only the first of {others + 1} pages is read") if others else raster.notes
+    if complaints.texts:
+        notes = (*notes, f"the file may be damaged (tifffile says: {complaints.texts[0]})")
     return upright(Raster(raster.pixels, notes), orientation)
+
+
+class _Complaints(logging.Handler):
+    """What tifffile complains of in this thread, the first lines; without a handler it is printed."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.texts: list[str] = []
+        self._thread = threading.get_ident()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        if record.thread == self._thread:
+            self.texts.append(next(iter(record.getMessage().splitlines()), ""))
+
+    def __enter__(self) -> None:
+        logging.getLogger("tifffile").addHandler(self)
+
+    def __exit__(self, *_: object) -> None:
+        logging.getLogger("tifffile").removeHandler(self)
 
 
 def _check(path: Path, page: TiffPage, file_bytes: int) -> None:

@@ -153,3 +153,11 @@ def test_what_is_no_text_is_refused(tmp_path: Path) -> None:
     write_text(tmp_path, FRAMES)
     (tmp_path / "images.txt").write_bytes(b"\xff\xfe\x00")
     assert "expected a text file" in refusal(lambda: read_colmap(tmp_path))
+
+
+def test_more_points_than_there_can_be_are_refused(tmp_path: Path) -> None:
+    folder = write_binary(tmp_path, FRAMES)
+    data = (folder / "images.bin").read_bytes()
+    name = data.index(b"\0", data.index(b"left")) + 1
+    (folder / "images.bin").write_bytes(data[:name] + b"\xff" * 8 + data[name + 8 :])
+    assert "ends too soon" in refusal(lambda: read_colmap(folder))

@@ -134,3 +134,9 @@ def test_malformed_files_are_refused_in_a_sentence(tmp_path: Path, case: str) ->
     message = refusal(lambda: read_transforms(path).view(0, SIZE))
     assert message.startswith(f"{path}: ")
     assert words in message
+
+
+@pytest.mark.parametrize("content", [b'{"frames": "\xf0("}', b'{"\xff": 1}'])
+def test_text_that_is_no_utf_8_is_refused(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "transforms.json").write_bytes(content)
+    assert "expected a transforms.json" in refusal(lambda: read_transforms(tmp_path / "transforms.json"))

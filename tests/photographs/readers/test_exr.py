@@ -178,3 +178,12 @@ def test_alpha_next_to_zero_gives_values_that_are_refused(tmp_path):
 def test_luminance_with_chroma_is_refused(tmp_path):
     write_exr(tmp_path / "a.exr", planes(["Y", "RY", "BY"]))
     assert "R, G, B" in refusal(lambda: read_image(tmp_path / "a.exr"))
+
+
+def test_chromaticities_of_another_type_are_refused(tmp_path):
+    path = tmp_path / "a.exr"
+    header = {"chromaticities": (0.7, 0.3, 0.2, 0.7, 0.15, 0.05, 0.31, 0.33), "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, {"RGB": np.ones((4, 5, 3), np.float32)}).write(str(path))
+    name = b"chromaticities\0"
+    path.write_bytes(path.read_bytes().replace(2 * name, name + b"chromaticityes\0"))
+    assert "chromaticities are no numbers" in refusal(lambda: read_image(path))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import io
+import struct
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -41,3 +44,24 @@ def test_a_damaged_file_is_refused(tmp_path: Path, size: int) -> None:
     scipy.io.savemat(file, {"Normal_gt": np.ones((5, 4, 3))})
     file.write_bytes(file.read_bytes()[:size])
     assert str(file) in refusal(lambda: read_mat(file))
+
+
+@pytest.mark.parametrize("packed", [True, False])
+def test_numbers_of_a_type_that_there_is_not_are_refused(tmp_path: Path, packed: bool) -> None:
+    content = io.BytesIO()
+    scipy.io.savemat(content, {"other": 1.0, "normals": np.full((5, 4, 3), 0.25)})
+    # The type of the numbers stands before their length, 8 bytes each; SciPy crashes on type 0.
+    whole = content.getvalue()
+    tag = struct.pack("<II", 9, 5 * 4 * 3 * 8)
+    assert whole.count(tag) == 1
+    whole = whole.replace(tag, struct.pack("<II", 0, 5 * 4 * 3 * 8))
+    if packed:
+        arrays, place = b"", 128
+        while place < len(whole):
+            end = place + 8 + struct.unpack_from("<I", whole, place + 4)[0]
+            array = zlib.compress(whole[place:end])
+            arrays += struct.pack("<II", 15, len(array)) + array
+            place = end
+        whole = whole[:128] + arrays
+    (tmp_path / "a.mat").write_bytes(whole)
+    assert "the type 0, which there is not" in refusal(lambda: read_mat(tmp_path / "a.mat"))

@@ -140,3 +140,8 @@ def test_without_rawpy_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.Mo
     path = write_dng(tmp_path / "a.dng", counts())
     monkeypatch.setitem(sys.modules, "rawpy", None)
     assert 'pip install "matest-brdf[raw]"' in refusal(lambda: read_image(path))
+
+
+def test_a_filter_that_rawpy_does_not_know_is_refused(tmp_path: Path) -> None:
+    path = write_dng(tmp_path / "a.dng", counts(), (0, 1, 1, 1))
+    assert "Bayer" in refusal(lambda: read_image(path))

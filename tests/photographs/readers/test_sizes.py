@@ -10,7 +10,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
+import imagecodecs
 import numpy as np
+import PIL.Image
 import pytest
 
 from matest.photographs.images import read_image
@@ -125,3 +127,25 @@ def test_sizes_of_photographs_and_masks_pass(tmp_path: Path) -> None:
     check_size(tmp_path / "a", (16_384, 16_384), 1)
     check_size(tmp_path / "a", (65_535, 1), 2, channels=3)
     assert f"{MOST_PIXELS:,}" in refusal(lambda: check_size(tmp_path / "a", (16_385, 16_384), 1))
+
+
+def test_a_chunk_of_png_that_says_it_is_longer_than_the_file_is_not_waited_for(tmp_path: Path) -> None:
+    data = png(4, 4)
+    place = data.index(b"IDAT") - 4
+    (tmp_path / "a.png").write_bytes(data[:place] + struct.pack(">I", 3 << 30) + data[place + 4 :])
+    assert "truncated" in refusal(lambda: read_image(tmp_path / "a.png"))
+
+
+def test_a_mask_of_one_bit_may_be_packed_more_tightly_than_a_photograph(tmp_path: Path) -> None:
+    PIL.Image.new("1", (8000, 8000), 1).save(tmp_path / "a.png")
+    assert (tmp_path / "a.png").stat().st_size < 25_000
+    assert read_image(tmp_path / "a.png").shape == (8000, 8000, 1)
+
+
+@pytest.mark.usefixtures("little_memory")
+def test_more_tiles_of_jpeg_2000_than_the_file_can_have_are_refused(tmp_path: Path) -> None:
+    data = bytearray(imagecodecs.jpeg2k_encode(np.ones((8, 8), np.uint8), level=0, codecformat="j2k"))
+    # The image is 8000 by 8000, its tiles one by one.
+    data[8:16], data[24:32] = struct.pack(">II", 8000, 8000), struct.pack(">II", 1, 1)
+    (tmp_path / "a.j2k").write_bytes(data)
+    assert "truncated" in refusal(lambda: read_image(tmp_path / "a.j2k"))

@@ -240,3 +240,15 @@ def test_strips_that_are_too_short_are_refused(tmp_path):
         tag = file.pages.first.tags[279]
         tag.overwrite([*tag.value[:2], tag.value[2] // 2, *tag.value[3:]])
     assert str(path) in refusal(lambda: read_tiff(path))
+
+
+def test_what_tifffile_complains_of_is_said_and_not_printed(tmp_path, capfd):
+    path = write(tmp_path / "a.tif", content(np.uint8), software="a program of some length")
+    data = path.read_bytes()
+    # The tag of the software: its type, its length, and a place beyond the end of the file.
+    place = data.index(struct.pack("<HH", 305, 2))
+    path.write_bytes(data[: place + 8] + struct.pack("<I", 1 << 30) + data[place + 12 :])
+    file = read_image_file(path)
+    np.testing.assert_array_equal(file.pixels[..., 0], content(np.uint8))
+    assert "may be damaged (tifffile says: " in file.notes[0]
+    assert capfd.readouterr().err == ""
