@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from html import escape
 
@@ -88,39 +89,40 @@ def picture_file(name: str, kind: str = "") -> str:
     return map_file(name, kind).replace(".exr", ".png")
 
 
-def maps_section(estimate: Estimate, *, previews: bool = True) -> str:
-    """Previews of maps and of their standard errors, and what share of them is known; empty where there are none."""
+def maps_section(estimate: Estimate, previews: Mapping[str, str] | None) -> str:
+    """Previews of maps and of their standard errors, and what share of them is known; empty where there are none.
+
+    Args:
+        estimate: with the maps.
+        previews: by `picture_file` the small picture as a data URI; None: there are no pictures.
+    """
     if not estimate.maps:
         return ""
     legend = "The numbers are in maps/NAME.exr and NAME_std.exr, the status of every pixel in NAME_status.png."
-    if previews:
+    if previews is not None:
         legend += " Grey is the background, and what no photograph shows."
-    lines = ["<h2>Maps</h2>", *(f"<p>{escape(line)}</p>" for line in (*status_sentences(estimate.maps), legend))]
-    if previews:
+    lines = [f"<p>{escape(line)}</p>" for line in (*status_sentences(estimate.maps), legend)]
+    if previews is not None:
         units = {name: estimate.parameters[name].unit for name in estimate.maps}
-        rows = (_figures(name, each, units[name]) for name, each in estimate.maps.items())
-        lines += [f'<div class="images">{"".join(row)}</div>' for row in rows]
+        rows = (_figures(name, each, units[name], previews) for name, each in estimate.maps.items())
+        lines += [f"<style>{_style()}</style>", *(f'<div class="images">{"".join(row)}</div>' for row in rows)]
     return "\n".join(lines)
 
 
-def style() -> str:
-    """The style of the scales."""
+def _style() -> str:
+    """The colours of the scales."""
     stops = _perceptual(np.linspace(0, 255, _STOPS).round().astype(np.uint8))
     colours = ", ".join("#" + bytes(stop).hex() for stop in stops.tolist())
-    return (
-        f".scale {{ height: .7rem; margin-top: .2rem; background: linear-gradient(to right, {colours}); }}\n"
-        ".ticks { display: flex; justify-content: space-between; text-align: center; }\n"
-        ".images + .images { margin-top: .8rem; }\n"
-    )
+    return f".scale {{ background: linear-gradient(to right, {colours}); }}"
 
 
-def _figures(name: str, each: ParameterMap, unit: str) -> list[str]:
+def _figures(name: str, each: ParameterMap, unit: str, previews: Mapping[str, str]) -> list[str]:
     """The figures of a map and of its standard errors, as HTML."""
     of_channels = ", mean of the channels" if each.std.shape[1] > 1 else ""
     captions = {"": name, "std": f"standard error of {name}{of_channels}"}
     scales = {"": value_scale(each, unit), "std": std_scale(each)}
     return [
-        f'<figure><img src="{escape(picture_file(name, kind))}" alt="{escape(caption)}" loading="lazy">'
+        f'<figure><img src="{previews[picture_file(name, kind)]}" alt="{escape(caption)}">'
         f"{_key(scales[kind], unit)}<figcaption>{escape(caption + _exposure(scales[kind]))}</figcaption></figure>"
         for kind, caption in captions.items()
     ]

@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from html import escape
 
 from matest.estimation.photographs import PhotographFit, Turn
 from matest.estimation.residual_angles import AngularResiduals
 from matest.report.curves import Curve, drawing, legend
 from matest.report.format import chi2, share
+from matest.report.html import meter
 from matest.report.plots import COLOURS
 
 _COLUMNS = ("photograph", "relative rms error", "χ²")
 _LIGHT_COLUMNS = ("level", "turn of its light")
 _ODD_COLUMN = "times the usual"
-TITLE = "Photographs, worst first"
 _LEGEND = (
     "Level: the factor by which a photograph is brighter than the others say. Turn: by how much, and to where, its "
     "light would have to move to explain its residual best, if its level may be wrong too (-: no turn up to 20° does)."
 )
 _ODD_LEGEND = "The last column: how many times as far off as is usual among the others."
-# Photographs in a table.
-_MAX_ROWS = 12
+# Cells of a photograph that was not fitted.
+_NOT_FITTED = ("not fitted", "")
 # Standard errors from which on it is said where to a light turns.
 _SEEN = 3.0
 # Standard errors below which more digits would only hide what is large: of a level, and of a turn in degrees.
@@ -35,11 +36,11 @@ def worst_first(images: Sequence[PhotographFit]) -> list[PhotographFit]:
 
 
 def photograph_table(images: Sequence[PhotographFit]) -> tuple[Sequence[str], list[tuple[str, ...]], list[int]]:
-    """Head, rows of the worst photographs, and which of these stand out.
+    """Head, rows of the photographs, the worst first, and which of these stand out.
 
     Where the light of any is judged, columns tell of it; where any stands out, one says by how much.
     """
-    shown = worst_first(images)[:_MAX_ROWS]
+    shown = worst_first(images)
     odd = [row for row, image in enumerate(shown) if image.stands_out]
     head: tuple[str, ...] = _COLUMNS
     body = [_errors(image) for image in shown]
@@ -50,6 +51,53 @@ def photograph_table(images: Sequence[PhotographFit]) -> tuple[Sequence[str], li
         head = (*head, _ODD_COLUMN)
         body = [(*cells, _times(image)) for cells, image in zip(body, shown, strict=True)]
     return head, body, odd
+
+
+def sortable_table(images: Sequence[PhotographFit], names: Sequence[str]) -> str:
+    """The table as HTML with a button in every head and row, those that were not fitted last.
+
+    Args:
+        images: the photographs that were fitted.
+        names: of all photographs of the capture, in their order.
+    """
+    head, body, odd = photograph_table(images)
+    largest = max((image.reduced_chi2 for image in images), default=0.0)
+    rows = [
+        _row(names.index(image.file), cells, _keys(image), image.reduced_chi2 / largest if largest else 0.0, row in odd)
+        for row, (image, cells) in enumerate(zip(worst_first(images), body, strict=True))
+        if image.file in names
+    ]
+    fitted = {image.file for image in images}
+    rest = [number for number, name in enumerate(names) if name not in fitted]
+    rows += [_row(number, (names[number], *_NOT_FITTED), {1: -1.0, 2: -1.0}, None, False) for number in rest]
+    heads = "".join(
+        f'<th{" aria-sort=descending" * (number == 2)}><button type="button">{escape(cell)}</button></th>'
+        for number, cell in enumerate(head)
+    )
+    return (
+        f'<div class="scroll"><table class="sortable"><thead><tr>{heads}</tr></thead>'
+        f"<tbody>{''.join(rows)}</tbody></table></div>"
+    )
+
+
+def _keys(image: PhotographFit) -> dict[int, float]:
+    """What columns are sorted by, where it is not their text."""
+    level = 0.0 if image.level is None else abs(image.level - 1)
+    turn = image.direction.degrees if image.direction else 0.0
+    rmse = -1.0 if image.relative_rmse is None else image.relative_rmse
+    return {1: rmse, 2: image.reduced_chi2, 3: level, 4: turn, 5: image.times}
+
+
+def _row(number: int, cells: Sequence[str], keys: Mapping[int, float], bar: float | None, odd: bool) -> str:
+    """A row whose first cell is a button that shows the photograph."""
+    texts = [f'<button type="button">{escape(cells[0])}</button>', *(escape(cell) for cell in cells[1:])]
+    if bar is not None:
+        texts[2] += meter(bar)
+    parts = "".join(
+        f"<td{f' data-key={keys[column]:.6g}' if column in keys else ''}>{text}</td>"
+        for column, text in enumerate(texts)
+    )
+    return f'<tr data-image="{number}"{" class=bold" * odd}>{parts}</tr>'
 
 
 def legend_of(images: Sequence[PhotographFit]) -> str:
@@ -77,15 +125,6 @@ def _level(image: PhotographFit) -> str:
 def _times(image: PhotographFit) -> str:
     """How a photograph stands out, in a cell."""
     return f"{image.times:.0f} ({image.stands_out})" if image.stands_out else ""
-
-
-def not_shown(images: Sequence[PhotographFit]) -> str:
-    """How many photographs the table leaves out, as a sentence; empty where it has all."""
-    rest = worst_first(images)[_MAX_ROWS:]
-    if not rest:
-        return ""
-    largest = share(max(image.relative_rmse for image in rest))
-    return f"The worst {_MAX_ROWS}; the other {len(rest)} have errors of up to {largest}: result.json lists them all. "
 
 
 def angle_drawings(residuals: Mapping[str, AngularResiduals]) -> tuple[list[tuple[str, str]], str]:

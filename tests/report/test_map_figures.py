@@ -15,11 +15,13 @@ from matest.report.format import status_sentences
 from matest.report.map_figures import Scale, maps_section, std_picture, std_scale, value_picture, value_scale
 from tests.captures import sphere_surface
 from tests.estimates import clay
-from tests.report.test_page import read, words
+from tests.report.pages import read, words
 
 SURFACE = sphere_surface(32)
 COUNT = len(SURFACE)
 GREY = 224
+# Previews as the page has them, by file.
+SHOWN = {f"maps/{name}{kind}.png": f"data:{kind[1:] or name}" for name in ("albedo", "sigma") for kind in ("", "_std")}
 
 
 def a_map(name: str, values: torch.Tensor, std: float = 0.01) -> ParameterMap:
@@ -43,7 +45,9 @@ def test_three_channels_of_albedo_are_colours_and_white_is_stated() -> None:
     assert scale == Scale(0.0, pytest.approx(0.4), is_colour=True)
     on_object = value_picture(coloured(), SURFACE, "1").reshape(-1, 3)[SURFACE.pixels]
     np.testing.assert_array_equal(on_object, srgb(coloured().value.double().numpy() / scale.upper))
-    assert "albedo as sRGB shows it, white at 0.4 " in words(maps_section(clay(maps={"albedo": coloured()}))) + " "
+    assert (
+        "albedo as sRGB shows it, white at 0.4 " in words(maps_section(clay(maps={"albedo": coloured()}), SHOWN)) + " "
+    )
 
 
 @pytest.mark.parametrize(("each", "unit"), [(rough(), "rad"), (a_map("albedo", rough().value), "1")])
@@ -66,11 +70,11 @@ def test_colours_get_brighter_with_the_value_and_grey_is_no_value() -> None:
 
 
 def test_the_page_has_numbers_with_unit_and_degrees_below_a_scale() -> None:
-    section = maps_section(clay(maps={"sigma": rough()}))
+    section = maps_section(clay(maps={"sigma": rough()}), SHOWN)
     text = words(section)
     assert "0.2 rad 11.5° 0.35 rad 20.1° 0.5 rad 28.6° sigma" in text
     assert "standard error of sigma" in text
-    assert [picture["src"] for picture in read(section).pictures] == ["maps/sigma.png", "maps/sigma_std.png"]
+    assert [picture["src"] for picture in read(section).pictures] == ["data:sigma", "data:std"]
     assert section.count('class="scale"') == 2
 
 
@@ -85,7 +89,7 @@ def test_a_map_that_is_the_same_everywhere_has_a_scale() -> None:
         scale = value_scale(each, "rad")
         assert scale.lower <= value < scale.upper
         assert std_scale(each).upper > 0
-        assert "rad" in maps_section(clay(maps={"sigma": each}))
+        assert "rad" in maps_section(clay(maps={"sigma": each}), SHOWN)
 
 
 def test_a_map_of_which_nothing_is_seen_is_grey() -> None:
@@ -109,8 +113,8 @@ def test_a_sentence_says_what_share_of_the_pixels_is_known() -> None:
 
 
 def test_without_previews_the_sentences_remain() -> None:
-    section = maps_section(clay(maps={"sigma": rough()}), previews=False)
+    section = maps_section(clay(maps={"sigma": rough()}), None)
     assert read(section).pictures == []
     assert "determined at" in section
     assert "Grey" not in section
-    assert maps_section(clay()) == ""
+    assert maps_section(clay(), {}) == ""
