@@ -14,6 +14,11 @@ from matest.report.assets import asset
 # Scripts of every page, in the order in which they need each other.
 _SCRIPTS = ("numbers.js", "tables.js", "curves.js", "viewer.js", "relight.js", "sliders.js")
 
+# What a browser shows that runs no script.
+_WITHOUT_SCRIPT = (
+    '<noscript><p class="warning">Pictures are drawn by a script of this page, which is off.</p></noscript>'
+)
+
 
 class Section(NamedTuple):
     """A part of a page.
@@ -49,7 +54,8 @@ def document(title: str, head: str, sections: Sequence[Section]) -> str:
         f'<meta http-equiv="Content-Security-Policy" content="{_policy(script)}">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>{escape(title)}</title>\n<style>\n{asset('page.css')}</style></head>\n<body>"
-        f'<nav aria-label="sections"><ul>{links}</ul></nav>\n<main>\n<header>{head}</header>\n{parts}\n</main>\n'
+        f'<nav aria-label="sections"><ul>{links}</ul></nav>\n'
+        f"<main>\n<header>{head}{_WITHOUT_SCRIPT}</header>\n{parts}\n</main>\n"
         f"<script>{script}</script>\n</body></html>\n"
     )
 

@@ -12,7 +12,7 @@ from matest.estimation.parameter_map import ParameterMap, TexelStatus, map_file
 from matest.estimation.result import Estimate
 from matest.photographs.images import read_image, write_image
 from matest.report.map_figures import picture_file, std_picture, value_picture
-from matest.report.previews import jpeg, thinned
+from matest.report.previews import drawing
 from matest.scene import Surface
 
 # Longest side of a map on the page, pixels.
@@ -48,7 +48,7 @@ def write_maps(estimate: Estimate, surface: Surface, folder: Path, *, previews: 
             pictures = {"": value_picture(each, surface, unit), "std": std_picture(each, surface)}
             for kind, picture in pictures.items():
                 write_image(folder / picture_file(name, kind), picture)
-                small[picture_file(name, kind)] = jpeg(thinned(picture, MAP_SIDE))
+                small[picture_file(name, kind)] = drawing(picture, MAP_SIDE)
     for name, each in estimate.smooth_maps.items():
         for kind, part in (("smooth", each.value), ("smooth_std", each.std)):
             write_image(folder / map_file(name, kind), surface.image(np.nan_to_num(part.float().numpy())))

@@ -174,12 +174,14 @@ def _photographs(estimate: Estimate, files: Sequence[str], pictures: PagePicture
     if not estimate.images and pictures is None:
         return ""
     legend = photographs.legend_of(estimate.images)
+    viewer = pictures is not None and bool(pictures.previews)
+    how = "a name shows its pictures, a head sorts, arrow keys go from row to row" if viewer else "a head sorts"
     parts = [
-        '<p class="lead">The worst first; a name shows its pictures, a head sorts, arrow keys go from row to row.</p>',
-        photographs.sortable_table(estimate.images, files),
+        f'<p class="lead">The worst first; {how}.</p>',
+        photographs.sortable_table(estimate.images, files, viewer=viewer),
         f'<p class="lead">{escape(legend)}</p>' if legend else "",
     ]
-    if pictures is not None and pictures.previews:
+    if pictures is not None and viewer:
         parts.append(_viewer(estimate, files, pictures))
     return "\n".join(parts)
 

@@ -53,23 +53,24 @@ def photograph_table(images: Sequence[PhotographFit]) -> tuple[Sequence[str], li
     return head, body, odd
 
 
-def sortable_table(images: Sequence[PhotographFit], names: Sequence[str]) -> str:
+def sortable_table(images: Sequence[PhotographFit], names: Sequence[str], *, viewer: bool = True) -> str:
     """The table as HTML with a button in every head and row, those that were not fitted last.
 
     Args:
         images: the photographs that were fitted.
         names: of all photographs of the capture, in their order.
+        viewer: whether the page can show the photograph of a row.
     """
     head, body, odd = photograph_table(images)
-    largest = max((image.reduced_chi2 for image in images), default=0.0)
-    rows = [
-        _row(names.index(image.file), cells, _keys(image), image.reduced_chi2 / largest if largest else 0.0, row in odd)
-        for row, (image, cells) in enumerate(zip(worst_first(images), body, strict=True))
-        if image.file in names
-    ]
+    ordered, largest = worst_first(images), max((image.reduced_chi2 for image in images), default=0.0)
+    rows = []
+    for place, (image, cells) in enumerate(zip(ordered, body, strict=True)):
+        texts = [escape(cell) for cell in cells]
+        texts[2] += meter(image.reduced_chi2 / largest if largest else 0.0)
+        rows.append(_row(names.index(image.file), texts, _keys(image), "bold" if place in odd else "", viewer))
     fitted = {image.file for image in images}
-    rest = [number for number, name in enumerate(names) if name not in fitted]
-    rows += [_row(number, (names[number], *_NOT_FITTED), {1: -1.0, 2: -1.0}, None, False) for number in rest]
+    for number in (number for number, name in enumerate(names) if name not in fitted):
+        rows.append(_row(number, [escape(names[number]), *_NOT_FITTED], {1: -1.0, 2: -1.0}, "", viewer))
     heads = "".join(
         f'<th{" aria-sort=descending" * (number == 2)}><button type="button">{escape(cell)}</button></th>'
         for number, cell in enumerate(head)
@@ -88,16 +89,14 @@ def _keys(image: PhotographFit) -> dict[int, float]:
     return {1: rmse, 2: image.reduced_chi2, 3: level, 4: turn, 5: image.times}
 
 
-def _row(number: int, cells: Sequence[str], keys: Mapping[int, float], bar: float | None, odd: bool) -> str:
-    """A row whose first cell is a button that shows the photograph."""
-    texts = [f'<button type="button">{escape(cells[0])}</button>', *(escape(cell) for cell in cells[1:])]
-    if bar is not None:
-        texts[2] += meter(bar)
+def _row(number: int, cells: Sequence[str], keys: Mapping[int, float], kind: str, viewer: bool) -> str:
+    """A row of cells of HTML, the first of which is, with a viewer, a button that shows the photograph."""
+    first = f'<button type="button">{cells[0]}</button>' if viewer else cells[0]
     parts = "".join(
         f"<td{f' data-key={keys[column]:.6g}' if column in keys else ''}>{text}</td>"
-        for column, text in enumerate(texts)
+        for column, text in enumerate([first, *cells[1:]])
     )
-    return f'<tr data-image="{number}"{" class=bold" * odd}>{parts}</tr>'
+    return f'<tr data-image="{number}" class="{kind}">{parts}</tr>'
 
 
 def legend_of(images: Sequence[PhotographFit]) -> str:

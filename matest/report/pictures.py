@@ -16,16 +16,7 @@ from matest.photographs.images import write_image
 from matest.photographs.photometry import srgb
 from matest.photographs.samples import PhotographSamples
 from matest.report.picture_size import PictureSize
-from matest.report.previews import (
-    LARGE_SIDE,
-    PagePictures,
-    Preview,
-    PreviewPlan,
-    jpeg,
-    preview,
-    residual_codes,
-    thinned,
-)
+from matest.report.previews import LARGE_SIDE, PagePictures, Preview, PreviewPlan, drawing, preview, residual_codes
 from matest.report.raster import Raster
 from matest.samples import Tile
 from matest.samples.likelihood import REJECTED
@@ -120,7 +111,7 @@ def write_pictures(
     if raster and mean:
         picture = raster.picture(mean.colours(), background=_GREY)
         write_image(folder / MEAN_RESIDUAL, picture)
-        average = jpeg(thinned(picture, LARGE_SIDE)) if plan and len(capture) > 1 else ""
+        average = drawing(picture, LARGE_SIDE) if plan and len(capture) > 1 else ""
     return PagePictures([small for small in previews if small is not None], average)
 
 

@@ -56,6 +56,12 @@ def test_all_photographs_are_listed_and_those_not_fitted_last() -> None:
     assert "not fitted" in table.split("held out.png")[1]
 
 
+def test_without_a_viewer_names_are_no_buttons() -> None:
+    rows = sortable_table([FINE], ["fine.png"], viewer=False).split("<tbody>")[1]
+    assert "button" not in rows
+    assert "fine.png" in rows
+
+
 def test_cells_are_sorted_by_numbers_and_not_by_their_text() -> None:
     table = sortable_table([replace(FINE, relative_rmse=0.0123456)], ["fine.png"])
     assert "data-key=0.0123456>1.23%" in table
