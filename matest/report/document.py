@@ -15,9 +15,7 @@ from matest.report.assets import asset
 _SCRIPTS = ("numbers.js", "tables.js", "curves.js", "viewer.js", "relight.js", "sliders.js")
 
 # What a browser shows that runs no script.
-_WITHOUT_SCRIPT = (
-    '<noscript><p class="warning">Pictures are drawn by a script of this page, which is off.</p></noscript>'
-)
+_WITHOUT_SCRIPT = '<noscript><p class="lead">A script of this page draws its pictures; it does not run.</p></noscript>'
 
 
 class Section(NamedTuple):

@@ -28,13 +28,13 @@ from matest.report.relight import Relighting, relight_section
 
 # Why pixels are left out, in the words of the page where these differ from those of the result.
 _SKIPPED_PIXELS = {"held_out": "in images held out", "idle": "in images that add nothing", "unread": "not needed"}
-# What the photographs tell of parameters, by their status, as the page says it.
+# What the samples tell of parameters, by their status, as the page says it.
 _STATUSES = {
-    "determined": "The photographs determine",
+    "determined": "Determined:",
     "at bound": "At an end of the domain, with a one-sided interval:",
-    "not determined": "The photographs do not determine",
+    "not determined": "Not determined:",
     "tied": "Tied to another parameter:",
-    "fixed": "Held at a value that was given, or that they do not tell:",
+    "fixed": "Held at a value that was given, or that the samples do not tell:",
 }
 # Standard deviations of the noise at full colour of residuals, unless they are larger.
 _RESIDUAL_RANGE = 5.0
@@ -117,7 +117,7 @@ def candidates(estimate: Estimate) -> str:
 
 
 def identifiability(estimate: Estimate) -> str:
-    """Which parameters are told by the photographs, by status."""
+    """Which parameters the samples tell, by status."""
     groups: dict[str, list[str]] = {}
     for name, parameter in estimate.parameters.items():
         groups.setdefault(parameter.status, []).append(name)

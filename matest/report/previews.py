@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import simplejpeg
 
-from matest.report.packing import data_uri, packed
+from matest.report.packing import data_uri, packed, packed_noise
 from matest.report.raster import Raster
 
 # Longest side of the previews of the photographs with the largest errors, pixels.
@@ -27,6 +27,8 @@ _QUALITY = 75
 _DRAWING_QUALITY = 90
 # Codes of residuals for each unit of asinh(r/2), r in standard deviations of the noise: two thirds of one near 0.
 RESIDUAL_CODES = 3.0
+# Codes of the root of a brightness: beside a highlight five times as bright, a step is 1 % of what one sees.
+BRIGHTNESS_STEPS = 511
 # Code of no residual; 0 is a pixel that did not count.
 RESIDUAL_ZERO = 128
 
@@ -44,8 +46,8 @@ class Preview:
         residual: code of every pixel, packed 8 bit [height, width].
         stride: pixels of the preview from one of `brightness` to the next.
         columns: of `brightness`.
-        brightness: of photograph and model, the mean over the channels as 255 √(value/top), packed 8 bit
-            [2, rows, columns].
+        brightness: of photograph and model, the mean over the channels as BRIGHTNESS_STEPS · √(value/top), packed
+            16 bit [2, rows, columns].
         top: their largest brightness.
         full: whether there are full-size pictures in the result folder.
     """
@@ -131,7 +133,7 @@ def preview(
     stride = -(-max(shown.shape) // (_PROFILE_SIDE if number in plan.large else _SMALL_PROFILE_SIDE))
     profile = _some(shown, stride)
     top = float(brightness.max(initial=0.0)) or 1.0
-    levels = (255 * np.sqrt(brightness.clip(0) / top)).round().astype(np.uint8)
+    levels = (BRIGHTNESS_STEPS * np.sqrt(brightness.clip(0) / top)).round().astype(np.uint16)
     return Preview(
         name=plan.names[number],
         number=number,
@@ -140,8 +142,7 @@ def preview(
         height=shown.shape[0],
         photo=jpeg(_some(pictures["photo"], every)),
         render=jpeg(_some(pictures["render"], every)),
-        # Noise: every pixel by itself.
-        residual=packed(_laid_out(codes[:, None], shown)[0][..., None]),
+        residual=packed_noise(_laid_out(codes[:, None], shown)),
         stride=stride,
         columns=profile.shape[1],
         brightness=packed(_laid_out(levels, profile)),
@@ -174,6 +175,6 @@ def _some(picture: np.ndarray, every: int) -> np.ndarray:
 
 
 def _laid_out(values: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """8-bit values [n, K] as pictures [K, H, W], by the place in them of every pixel; 0 on the background."""
-    with_background = np.concatenate([values, np.zeros((1, values.shape[1]), dtype=np.uint8)])
+    """Values [n, K] as pictures [K, H, W], by the place in them of every pixel; 0 on the background."""
+    with_background = np.concatenate([values, np.zeros((1, values.shape[1]), dtype=values.dtype)])
     return np.moveaxis(with_background[places], -1, 0)

@@ -91,7 +91,7 @@ def subject(kind: str) -> tuple[Estimate, Capture, float]:
     if kind == "mapped":
         return mapped(), photographs(), RELIT_MATTE
     material, tolerance = MATERIALS[kind]
-    capture = Studio(size=96, lights=coloured()).photograph(material, seed=1)
+    capture = Studio(size=80, lights=coloured()).photograph(material, seed=1)
     capture = changed(capture, names=(EVIL, *capture.names[1:]))
     return made_up(material, capture), capture, tolerance
 

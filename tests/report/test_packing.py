@@ -8,7 +8,7 @@ import zlib
 import numpy as np
 import pytest
 
-from matest.report.packing import data_uri, packed
+from matest.report.packing import data_uri, packed, packed_noise
 
 
 def unpacked(text: str, row: int, kind: type) -> np.ndarray:
@@ -22,6 +22,15 @@ def unpacked(text: str, row: int, kind: type) -> np.ndarray:
 def test_every_code_comes_back(kind: type) -> None:
     codes = np.random.default_rng(1).integers(0, np.iinfo(kind).max, (3, 5, 7), dtype=kind, endpoint=True)
     np.testing.assert_array_equal(unpacked(packed(codes), 7, kind), codes.reshape(-1, 7))
+
+
+def test_noise_comes_back_in_rows_of_one_and_takes_its_entropy() -> None:
+    codes = (128 + 2 * np.random.default_rng(1).standard_normal((100, 100))).round().astype(np.uint8)
+    text = packed_noise(codes)
+    np.testing.assert_array_equal(unpacked(text, 1, np.uint8).reshape(100, 100), codes)
+    shares = np.bincount(codes.ravel()) / codes.size
+    bits = -(shares[shares > 0] * np.log2(shares[shares > 0])).sum()
+    assert len(base64.b64decode(text)) < 1.05 * bits / 8 * codes.size
 
 
 def test_smooth_rows_take_little() -> None:

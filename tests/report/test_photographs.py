@@ -79,7 +79,7 @@ def test_where_no_light_is_judged_no_column_and_no_legend_tell_of_it() -> None:
     assert head == ("photograph", "relative rms error", "χ²")
     assert [len(cells) for cells in body] == [3, 3]
     assert legend_of([unknown]) == ""
-    assert "Turn" not in words(page(clay(images=[unknown]), names(1), None))
+    assert "Turn" not in words(page(clay(images=[unknown]), ["fine.png"], None))
 
 
 def test_a_turn_that_may_be_chance_goes_nowhere() -> None:

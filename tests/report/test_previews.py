@@ -12,6 +12,7 @@ from matest.brdf import Lambert
 from matest.report.picture_size import PictureSize
 from matest.report.pictures import write_pictures
 from matest.report.previews import (
+    BRIGHTNESS_STEPS,
     RESIDUAL_CODES,
     RESIDUAL_ZERO,
     Preview,
@@ -60,14 +61,14 @@ def test_codes_of_residuals_are_exact_to_half_a_deviation_and_hold_wild_ones() -
 
 def test_profiles_have_the_brightness_of_photograph_and_model(previews: list[Preview]) -> None:
     one = previews[0]
-    codes = unpacked(one.brightness, one.columns, np.uint8).reshape(2, -1, one.columns)
-    values = one.top * (codes / 255.0) ** 2
+    codes = unpacked(one.brightness, one.columns, np.uint16).reshape(2, -1, one.columns)
+    values = one.top * (codes / BRIGHTNESS_STEPS) ** 2
     every = slice(one.stride // 2, None, one.stride)
     photo = CAPTURE.scene.surface.image(CAPTURE.radiance(0).mean(axis=1))[every, every]
     model = render_image(CAPTURE.scene, 0, TRUTH).numpy().mean(axis=2)[every, every]
     # Half a step of codes of the root.
-    assert np.abs(values[0] - photo.clip(0)).max() < 0.005 * one.top
-    assert np.abs(values[1] - model).max() < 0.005 * one.top
+    assert np.abs(values[0] - photo.clip(0)).max() < 0.003 * one.top
+    assert np.abs(values[1] - model).max() < 0.003 * one.top
 
 
 def test_the_others_have_small_previews(previews: list[Preview]) -> None:

@@ -7,7 +7,7 @@
   if (root === null || images === null) return;
 
   // See previews.py.
-  const [CODES, ZERO] = [3, 128];
+  const [CODES, ZERO, STEPS] = [3, 128, 511];
   const part = (name) => root.querySelector(name);
   const [photo, render] = [part(".photo"), part(".render")];
   const canvas = part("canvas.residual");
@@ -48,7 +48,7 @@
     const rows = levels.length / 2 / image.columns;
     const column = matest.clamp(Math.floor(x * image.columns), 0, image.columns - 1);
     const row = matest.clamp(Math.floor(y * rows), 0, rows - 1);
-    return image.top * (levels[(kind * rows + row) * image.columns + column] / 255) ** 2;
+    return image.top * (levels[(kind * rows + row) * image.columns + column] / STEPS) ** 2;
   };
 
   // As many values as the line crosses pixels.
@@ -88,7 +88,7 @@
     const image = images[place];
     const [residual, levels] = await Promise.all([
       matest.unpacked(image.residual, 1, 1),
-      matest.unpacked(image.brightness, image.columns, 1),
+      matest.unpacked(image.brightness, image.columns, 2),
     ]);
     Object.assign(current, { image, residual, levels });
     [photo.src, render.src] = [image.photo, image.render];
