@@ -49,6 +49,8 @@ TOP = math.asinh(1 / _FOOT)
 _SHORT = 1e-4
 # Factor by which a parameter that varies over decades may be moved.
 _FACTOR = 2.0
+# Factor below the estimate beyond which no node lies: a map may have a 0.
+_FARTHEST = 1000.0
 # Share of its value by which another parameter may be moved, at least.
 _SHARE = 0.5
 # Share of its domain likewise.
@@ -87,7 +89,9 @@ class Span:
         return value.exp() if self.log else value
 
     def widened(self, lower: Tensor, upper: Tensor) -> Span:
-        """The same with ends at least this far out."""
+        """The same with ends at least this far out, as far as there are nodes."""
+        if self.log:
+            lower = torch.maximum(lower, self.value / _FARTHEST)
         return Span(self.value, torch.minimum(self.lower, lower), torch.maximum(self.upper, upper), self.log)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 
 from matest.estimation.photographs import PhotographFit, Turn
@@ -67,10 +67,11 @@ def sortable_table(images: Sequence[PhotographFit], names: Sequence[str], *, vie
     for place, (image, cells) in enumerate(zip(ordered, body, strict=True)):
         texts = [escape(cell) for cell in cells]
         texts[2] += meter(image.reduced_chi2 / largest if largest else 0.0)
-        rows.append(_row(names.index(image.file), texts, _keys(image), "bold" if place in odd else "", viewer))
+        keys = [*_keys(image, lights=_lights_are_judged(images))]
+        rows.append(_row(names.index(image.file), texts, keys, "bold" if place in odd else "", viewer))
     fitted = {image.file for image in images}
     for number in (number for number, name in enumerate(names) if name not in fitted):
-        rows.append(_row(number, [escape(names[number]), *_NOT_FITTED], {1: -1.0, 2: -1.0}, "", viewer))
+        rows.append(_row(number, [escape(names[number]), *_NOT_FITTED], [-1.0, -1.0], "", viewer))
     heads = "".join(
         f'<th{" aria-sort=descending" * (number == 2)}><button type="button">{escape(cell)}</button></th>'
         for number, cell in enumerate(head)
@@ -81,22 +82,26 @@ def sortable_table(images: Sequence[PhotographFit], names: Sequence[str], *, vie
     )
 
 
-def _keys(image: PhotographFit) -> dict[int, float]:
-    """What columns are sorted by, where it is not their text."""
-    level = 0.0 if image.level is None else abs(image.level - 1)
-    turn = image.direction.degrees if image.direction else 0.0
-    rmse = -1.0 if image.relative_rmse is None else image.relative_rmse
-    return {1: rmse, 2: image.reduced_chi2, 3: level, 4: turn, 5: image.times}
+def _keys(image: PhotographFit, *, lights: bool) -> Iterator[float]:
+    """What the columns behind the first are sorted by, in place of their texts.
+
+    Args:
+        image: of the row.
+        lights: whether columns tell of the lights.
+    """
+    yield -1.0 if image.relative_rmse is None else image.relative_rmse
+    yield image.reduced_chi2
+    if lights:
+        yield 0.0 if image.level is None else abs(image.level - 1)
+        yield image.direction.degrees if image.direction else 0.0
+    yield image.times
 
 
-def _row(number: int, cells: Sequence[str], keys: Mapping[int, float], kind: str, viewer: bool) -> str:
+def _row(number: int, cells: Sequence[str], keys: Sequence[float], kind: str, viewer: bool) -> str:
     """A row of cells of HTML, the first of which is, with a viewer, a button that shows the photograph."""
     first = f'<button type="button">{cells[0]}</button>' if viewer else cells[0]
-    parts = "".join(
-        f"<td{f' data-key={keys[column]:.6g}' if column in keys else ''}>{text}</td>"
-        for column, text in enumerate([first, *cells[1:]])
-    )
-    return f'<tr data-image="{number}" class="{kind}">{parts}</tr>'
+    others = "".join(f"<td data-key={key:.6g}>{cell}</td>" for cell, key in zip(cells[1:], keys, strict=False))
+    return f'<tr data-image="{number}" class="{kind}"><td>{first}</td>{others}</tr>'
 
 
 def legend_of(images: Sequence[PhotographFit]) -> str:

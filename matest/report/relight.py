@@ -84,6 +84,8 @@ def relighting(estimate: Estimate, scene: Scene, raster: Raster) -> Relighting |
         return "No relighting: the model is anisotropic, and tables of it would need a fourth angle."
     if scene.channels not in _COLOURS:
         return f"No relighting: a screen has no colours for {scene.channels} channels."
+    if not len(raster.index):
+        return "No relighting: the object is too thin to be seen in a preview."
     maps = {name: value for name, value in material.parameters.items() if value.ndim > 1}
     some = torch.from_numpy(raster.index.astype(np.int64))
     values = {name: value[some].double() for name, value in maps.items()}
@@ -91,7 +93,7 @@ def relighting(estimate: Estimate, scene: Scene, raster: Raster) -> Relighting |
     shown = {
         name: torch.where(value.isnan(), means[name], value).clamp(min=0).nan_to_num() for name, value in values.items()
     }
-    ranges = {name: (value.amin(0), value.amax(0)) for name, value in shown.items() if len(value)}
+    ranges = {name: (value.amin(0), value.amax(0)) for name, value in shown.items()}
     frame = viewer_frame(surface, raster.index)
     middle = None if surface.positions is None else surface.positions[some].double().mean(0, keepdim=True)
     normals = _stored(facing_normals(surface, frame, raster.index))
@@ -123,10 +125,11 @@ def _exposed(relit: Relighting) -> Relighting:
     some = torch.from_numpy(np.linspace(0, len(relit.normals) - 1, min(_MAX_JUDGED, len(relit.normals))).astype(int))
     at = {name: value[some] for name, value in relit.material.parameters.items() if value.ndim > 1}
     bright = _radiance(relit.material.replace(at), relit.normals[some], relit.lights[0], relit.irradiance).amax(-1)
-    return replace(relit, white=(float(bright.quantile(_BELOW_HIGHLIGHT)) if len(bright) else 1.0) or 1.0)
+    return replace(relit, white=float(bright.quantile(_BELOW_HIGHLIGHT)) or 1.0)
 
 
 def _radiance(material: Brdf, normals: Tensor, light: Tensor, irradiance: Tensor) -> Tensor:
+    """Radiance [n, C] toward z of a material on some normals [n, 3] under a light of some irradiance [C] from [3]."""
     viewer = torch.tensor([[0.0, 0.0, 1.0]], dtype=normals.dtype)
     wi, wo = to_local(normals, light.to(normals)[None], viewer)
     with torch.no_grad():

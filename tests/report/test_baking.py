@@ -143,6 +143,14 @@ def test_nodes_are_places_of_their_values() -> None:
                 assert each.node(each.at(node))[inside].tolist() == pytest.approx([node] * int(inside.sum()))
 
 
+def test_ranges_of_maps_are_reached_and_a_zero_among_them_is_not_infinitely_far() -> None:
+    ends = torch.tensor([0.0]).double(), torch.tensor([0.75]).double()
+    baked = bake(PLASTIC, {"f0": ends})
+    assert baked.spans["f0"].upper.item() == 0.75
+    assert 0 < baked.spans["f0"].lower.item() < 1e-3
+    assert all(bool(moves.isfinite().all()) for term in baked.terms for moves in term.moves.values())
+
+
 def test_a_parameter_at_an_end_of_its_domain_moves_to_one_side() -> None:
     sigma = parameters_of(OrenNayar)["sigma"]
     one = span(sigma, torch.tensor([0.0], dtype=torch.float64), amplitude=False)

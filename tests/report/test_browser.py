@@ -7,7 +7,8 @@ import math
 import re
 import shutil
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import cv2
@@ -104,15 +105,12 @@ def browser() -> Iterator[Browser]:
         browser.close()
 
 
-@pytest.fixture(scope="module", params=["matte", "glossy", "metal", "mapped"])
-def opened(request: pytest.FixtureRequest, browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    """The report of each material."""
-    estimate, capture, tolerance = subject(request.param)
-    folder = tmp_path_factory.mktemp("report") / request.param
+def in_browser(browser: Browser, subject: tuple[Estimate, Capture, float], folder: Path) -> Opened:
+    """Write the report of a subject and open it."""
+    estimate, capture, tolerance = subject
     write_result(estimate, capture, folder)
     file = folder / "report.html"
-    context = browser.new_context(viewport={"width": 1100, "height": 900})
-    page, complaints = context.new_page(), []
+    page, complaints = browser.new_context(viewport={"width": 1100, "height": 900}).new_page(), []
     page.on("console", lambda message: complaints.append(f"{message.type}: {message.text}"))
     page.on("pageerror", lambda error: complaints.append(str(error)))
     page.on("request", lambda one: complaints.append(f"asked: {one.url}"))
@@ -122,8 +120,15 @@ def opened(request: pytest.FixtureRequest, browser: Browser, tmp_path_factory: p
     surface = capture.scene.surface
     relit = relighting(estimate, capture.scene, Raster.of(surface, -(-max(surface.shape) // LARGE_SIDE)))
     assert isinstance(relit, Relighting)
-    yield Opened(page, capture, relit, tolerance, complaints, file.stat().st_size)
-    context.close()
+    return Opened(page, capture, relit, tolerance, complaints, file.stat().st_size)
+
+
+@pytest.fixture(scope="module", params=["matte", "glossy", "metal", "mapped"])
+def opened(request: pytest.FixtureRequest, browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """The report of each material."""
+    one = in_browser(browser, subject(request.param), tmp_path_factory.mktemp("report") / request.param)
+    yield one
+    one.page.context.close()
 
 
 def canvas_pixels(page: Page) -> np.ndarray:
@@ -156,6 +161,16 @@ def test_relit_pixels_are_those_of_the_model(opened: Opened) -> None:
     for number in (0, 3):
         opened.page.select_option("#relight select", str(number))
         assert difference(opened, opened.relit.lights[number]) <= opened.tolerance
+
+
+def test_maps_of_albedo_and_roughness_are_relit_pixel_by_pixel(browser: Browser, tmp_path: Path) -> None:
+    studio = Studio(size=64, lights=coloured())
+    across = torch.linspace(0, 1, len(studio.scene.surface), dtype=torch.float64)[:, None]
+    material = OrenNayar(0.3 + 0.4 * across, 0.2 + 0.4 * across)
+    estimate = replace(made_up(OrenNayar(0.5, 0.4), studio.photograph(material)), material=material)
+    one = in_browser(browser, (estimate, studio.photograph(material), RELIT_MATTE), tmp_path / "report")
+    assert difference(one, one.relit.lights[0]) <= RELIT_MATTE
+    one.page.context.close()
 
 
 def test_the_light_follows_the_pointer(opened: Opened) -> None:

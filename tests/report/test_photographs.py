@@ -56,6 +56,13 @@ def test_all_photographs_are_listed_and_those_not_fitted_last() -> None:
     assert "not fitted" in table.split("held out.png")[1]
 
 
+def test_the_last_column_is_sorted_by_how_far_a_photograph_stands_out() -> None:
+    unknown = replace(FINE, level=None, level_std=None, direction=None)
+    odd = replace(unknown, file="odd.png", stands_out="misfit", times=7.0)
+    table = sortable_table([unknown, odd], ["fine.png", "odd.png"])
+    assert "data-key=7>7 (misfit)" in table
+
+
 def test_without_a_viewer_names_are_no_buttons() -> None:
     rows = sortable_table([FINE], ["fine.png"], viewer=False).split("<tbody>")[1]
     assert "button" not in rows

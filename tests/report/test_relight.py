@@ -99,6 +99,11 @@ def test_what_cannot_be_relit_says_why() -> None:
     assert relight_section(clay(), None, []) == ""
 
 
+def test_an_object_that_no_preview_shows_is_not_relit() -> None:
+    nothing = Raster(EVERY.shape, EVERY.index[:0], np.zeros_like(EVERY.sources))
+    assert "too thin" in str(relighting(clay(), STUDIO.scene, nothing))
+
+
 def test_a_material_without_photographs_lights_a_sphere() -> None:
     relit = relit_sphere(clay(material=Lambert([0.5, 0.4, 0.3])))
     assert isinstance(relit, Relighting)
