@@ -97,7 +97,7 @@
       update();
     });
     form.replaceChildren(
-      element("label", { class: "choice" }, element("b", {}, "light from where it stood in"), lights),
+      element("label", { class: "choice" }, element("b", {}, "light as in"), lights),
       element("label", {}, element("b", {}, "exposure"), shown, exposure),
       ...data.parameters.map(ofParameter),
       reset,
