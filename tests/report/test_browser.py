@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import torch
 
-from matest.brdf import Brdf, CookTorrance, OrenNayar
+from matest.brdf import Brdf, CookTorrance, OrenNayar, model
 from matest.capture import Capture
 from matest.estimation.photographs import PhotographFit
 from matest.estimation.result import Estimate
@@ -173,20 +173,36 @@ def test_maps_of_albedo_and_roughness_are_relit_pixel_by_pixel(browser: Browser,
     one.page.context.close()
 
 
-def test_the_light_follows_the_pointer(opened: Opened) -> None:
-    canvas = opened.page.locator("#relight canvas")
+def dragged(page: Page, across: float, down: float) -> torch.Tensor:
+    """Drag the light to a place of the canvas, in shares of its size; returns the direction that is meant [3]."""
+    canvas = page.locator("#relight canvas")
     canvas.scroll_into_view_if_needed()
     box = canvas.bounding_box()
-    x, y = round(box["x"] + 0.3 * box["width"]), round(box["y"] + 0.35 * box["height"])
-    opened.page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
-    opened.page.mouse.down()
-    opened.page.mouse.move(x, y)
-    opened.page.mouse.up()
+    x, y = round(box["x"] + across * box["width"]), round(box["y"] + down * box["height"])
+    page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+    page.mouse.down()
+    page.mouse.move(x, y)
+    page.mouse.up()
     right, up = 2 * (x - box["x"]) / box["width"] - 1, 1 - 2 * (y - box["y"]) / box["height"]
+    # The rim of a sphere is at 90°.
     polar = math.hypot(right, up) * math.pi / 2
-    across = math.sin(polar) / math.hypot(right, up)
-    light = torch.tensor([across * right, across * up, math.cos(polar)], dtype=torch.float64)
+    part = math.sin(polar) / math.hypot(right, up)
+    return torch.tensor([part * right, part * up, math.cos(polar)], dtype=torch.float64)
+
+
+def test_the_light_follows_the_pointer(opened: Opened) -> None:
+    light = dragged(opened.page, 0.3, 0.35)
     assert difference(opened, light) <= opened.tolerance
+
+
+def test_light_that_is_scattered_forward_goes_to_the_right_side(browser: Browser, tmp_path: Path) -> None:
+    material = model("li-torrance(forward=on)")[0].replace({"k_fs": 5.0})
+    capture = Studio(size=64, lights=coloured()[:2]).photograph(material)
+    one = in_browser(browser, (made_up(material, capture), capture, RELIT_GLOSSY), tmp_path / "report")
+    light = dragged(one.page, 0.06, 0.2)
+    assert light[2] < -0.03
+    assert difference(one, light) <= RELIT_GLOSSY
+    one.page.context.close()
 
 
 def test_the_light_follows_arrow_keys(opened: Opened) -> None:
