@@ -14,6 +14,10 @@ NINE_DIGITS = 5e-9
 # Albedos printed to three decimals: half a unit, and the error of the quadrature.
 THREE_DECIMALS = 6e-4
 TWO_DECIMALS = 5.5e-3
+# Codes of 255 by which a relit picture may be off what the model gives: interpolation of its tables, half floats and
+# rounding of the screen; of a glossy surface (slope 0.1) twice that, on the flank of its highlight.
+RELIT_MATTE = 2.0
+RELIT_GLOSSY = 4.0
 # How far an approximation is from what it approximates, measured to three decimals, and the grid it is sought on.
 MEASURED_DEVIATION = 6e-4
 # Radiance printed to one decimal, of about 74 for Lambert: half a unit, and 4e-4 of Lambert from the quadrature.

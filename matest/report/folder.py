@@ -22,8 +22,13 @@ from matest.outputs import check_writable, followed, json_text, write_text
 from matest.progress import Progress, silent
 from matest.report.maps import files_of_map, write_maps
 from matest.report.page import page
+from matest.report.photographs import worst_first
 from matest.report.picture_size import PictureSize
 from matest.report.pictures import write_pictures
+from matest.report.previews import LARGE_PREVIEWS, LARGE_SIDE, PreviewPlan
+from matest.report.raster import Raster
+from matest.report.relight import relighting
+from matest.scene import Surface
 
 # Pictures of results, from the folder.
 _PICTURE = re.compile(r"images/(\d+_(photo|render|residual)|mean_residual|slices|incidences|posterior)\.png")
@@ -124,16 +129,38 @@ def write_result(
     clock = time.perf_counter()
     progress("writing the report")
     with whole_folder(out) as folder:
-        write_pictures(capture, estimate.material, folder, pictures, residual_scale=estimate.residual_scale)
-        write_maps(estimate, capture.scene.surface, folder, previews=pictures is not PictureSize.NONE)
+        step = pictures.step(capture.scene.surface.shape)
+        plan = _plan(estimate, capture, step, full=pictures is PictureSize.FULL) if step else None
+        drawn = write_pictures(
+            capture, estimate.material, folder, pictures, residual_scale=estimate.residual_scale, plan=plan
+        )
+        maps = write_maps(estimate, capture.scene.surface, folder, previews=plan is not None)
+        relit = None if plan is None else relighting(estimate, capture.scene, _small_raster(capture.scene.surface))
         write_json(folder / "material.json", estimate.material_dict())
         timing = {**estimate.timing_s, "report": time.perf_counter() - clock}
         timing["total"] = sum(timing.values())
         estimate = replace(estimate, timing_s=timing)
-        step = pictures.step(capture.scene.surface.shape)
-        write_text(folder / "report.html", page(estimate, capture.names, step))
+        shown = None if plan is None else replace(drawn, maps=maps)
+        write_text(folder / "report.html", page(estimate, capture.names, shown, relit))
         write_json(folder / "result.json", estimate.to_dict())
     return estimate
+
+
+def _plan(estimate: Estimate, capture: Capture, step: int, *, full: bool) -> PreviewPlan:
+    """Large previews of the photographs with the largest errors, small ones of the others."""
+    worst = [image.file for image in worst_first(estimate.images)]
+    order = sorted(range(len(capture)), key=lambda number: _place(worst, capture.names[number]))
+    return PreviewPlan(capture.names, frozenset(order[:LARGE_PREVIEWS]), step, full)
+
+
+def _place(names: list[str], name: str) -> int:
+    """Of a name in a list; behind all where it is not in it."""
+    return names.index(name) if name in names else len(names)
+
+
+def _small_raster(surface: Surface) -> Raster:
+    """The pixels that a large preview shows."""
+    return Raster.of(surface, -(-max(surface.shape) // LARGE_SIDE))
 
 
 def write_json(path: Path, content: dict) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from html import escape
 
@@ -114,33 +114,34 @@ def picture_file(name: str, kind: str = "") -> str:
     return map_file(name, kind).replace(".exr", ".png")
 
 
-def maps_section(estimate: Estimate, *, previews: bool = True) -> str:
-    """Previews of maps and of their standard errors, and what share of them is known; empty where there are none."""
+def maps_section(estimate: Estimate, previews: Mapping[str, str] | None) -> str:
+    """Previews of maps and of their standard errors, and what share of them is known; empty where there are none.
+
+    Args:
+        estimate: with the maps.
+        previews: by `picture_file` the small picture as a data URI; None: there are no pictures.
+    """
     if not estimate.maps:
         return ""
     legend = "The numbers are in maps/NAME.exr and NAME_std.exr, the code of every pixel's status in "
     legend += "NAME_status.png: 0 not seen, 1 determined, 2 at a bound, 3 not told by its own photographs."
-    if previews:
+    if previews is not None:
         legend += " Grey is the background, and what no photograph shows."
-    lines = ["<h2>Maps</h2>", *(f"<p>{escape(line)}</p>" for line in (*status_sentences(estimate.maps), legend))]
-    if previews:
-        lines += [f'<div class="images">{"".join(_figures(name, estimate))}</div>' for name in estimate.maps]
+    lines = [f"<p>{escape(line)}</p>" for line in (*status_sentences(estimate.maps), legend)]
+    if previews is not None:
+        rows = (_figures(name, estimate, previews) for name in estimate.maps)
+        lines += [f"<style>{_style()}</style>", *(f'<div class="images">{"".join(row)}</div>' for row in rows)]
     return "\n".join(lines)
 
 
-def style() -> str:
-    """The style of the scales."""
+def _style() -> str:
+    """The colours of the scales."""
     stops = _perceptual(np.linspace(0, 255, _STOPS).round().astype(np.uint8))
     colours = ", ".join("#" + bytes(stop).hex() for stop in stops.tolist())
-    return (
-        f".scale {{ height: .7rem; margin-top: .2rem; background: linear-gradient(to right, {colours}); }}\n"
-        ".ticks { display: flex; justify-content: space-between; text-align: center; }\n"
-        ".swatch { display: inline-block; width: .7rem; height: .7rem; }\n"
-        ".images + .images { margin-top: .8rem; }\n"
-    )
+    return f".scale {{ background: linear-gradient(to right, {colours}); }}"
 
 
-def _figures(name: str, estimate: Estimate) -> list[str]:
+def _figures(name: str, estimate: Estimate, previews: Mapping[str, str]) -> list[str]:
     """The figures of a map, of its standard errors, of what is known, and of the smoothed map, as HTML."""
     each, smooth, unit = estimate.maps[name], estimate.smooth_maps.get(name), estimate.parameters[name].unit
     of_channels = ", mean of the channels" if each.std.shape[1] > 1 else ""
@@ -156,7 +157,7 @@ def _figures(name: str, estimate: Estimate) -> list[str]:
             ("smooth_std", f"standard error of {name}, smoothed{of_channels}", _key(std_scale(smooth), unit)),
         ]
     return [
-        f'<figure><img src="{escape(picture_file(name, kind))}" alt="{escape(caption)}" loading="lazy">'
+        f'<figure><img src="{previews[picture_file(name, kind)]}" alt="{escape(caption)}">'
         f"{key}<figcaption>{escape(caption)}</figcaption></figure>"
         for kind, caption, key in shown
     ]

@@ -12,8 +12,11 @@ from matest.estimation.parameter_map import ParameterMap, TexelStatus, map_file
 from matest.estimation.result import Estimate
 from matest.photographs.images import read_image, write_image
 from matest.report.map_figures import picture_file, pictures
+from matest.report.previews import drawing
 from matest.scene import Surface
 
+# Longest side of a map on the page, pixels.
+MAP_SIDE = 420
 # The normals of the object that maps belong to, in world coordinates; black off the object.
 VIEW = "maps/normals.png"
 _STATUS = "_status.png"
@@ -24,14 +27,18 @@ _RIM_SHARE = 0.5
 _TURN = 3.0
 
 
-def write_maps(estimate: Estimate, surface: Surface, folder: Path, *, previews: bool = True) -> None:
+def write_maps(estimate: Estimate, surface: Surface, folder: Path, *, previews: bool = True) -> dict[str, str]:
     """`maps/NAME.exr` and `NAME_std.exr` [H, W, C], `NAME_status.png` [H, W], and previews of them as PNG.
 
     The preview of the status is `NAME_known.png`: a palette inside `NAME_status.png` would make cv2.imread give colours
     instead of codes. Smoothed maps are `NAME_smooth.exr` and `NAME_smooth_std.exr` beside them.
     Where no photograph shows a pixel, its value, standard error and status (`TexelStatus`) are 0. `normals.png` tells
     which pixels are the object's and from where it is seen.
+
+    Returns:
+        Small pictures for a page as data URIs, by the file of the preview that each shows.
     """
+    small: dict[str, str] = {}
     for name, each in estimate.maps.items():
         (folder / "maps").mkdir(exist_ok=True)
         for kind, values in (("", each.value), ("std", each.std)):
@@ -43,10 +50,12 @@ def write_maps(estimate: Estimate, surface: Surface, folder: Path, *, previews: 
     if previews:
         for file, picture in pictures(estimate, surface):
             write_image(folder / file, picture)
+            small[file] = drawing(picture, MAP_SIDE)
     if estimate.maps:
         # As integer normal maps are: 0 to full scale for -1 to 1.
         codes = (127.5 * (surface.normals.double().numpy() + 1)).round().astype(np.uint8)
         write_image(folder / VIEW, surface.image(codes))
+    return small
 
 
 def files_of_map(name: str) -> list[str]:

@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from html import escape
 
 from matest.estimation.photographs import PhotographFit, Turn
 from matest.estimation.residual_angles import AngularResiduals
 from matest.report.curves import Curve, drawing, legend
 from matest.report.format import chi2, share
+from matest.report.html import meter
 from matest.report.plots import COLOURS
 
 _COLUMNS = ("photograph", "relative rms error", "χ²")
 _LIGHT_COLUMNS = ("level", "turn of its light")
 _ODD_COLUMN = "times the usual"
-TITLE = "Photographs, worst first"
 _LEGEND = (
     "Level: the factor by which a photograph is brighter than the others say. Turn: by how much, and to where, its "
     "light would have to move to explain its residual best, if its level may be wrong too (-: no turn up to 20° does)."
 )
 _ODD_LEGEND = "The last column: how many times as far off as is usual among the others."
-# Photographs in a table.
-_MAX_ROWS = 12
+# Cells of a photograph that was not fitted.
+_NOT_FITTED = ("not fitted", "")
 # Standard errors from which on it is said where to a light turns.
 _SEEN = 3.0
 # Standard errors below which more digits would only hide what is large: of a level, and of a turn in degrees.
@@ -35,11 +36,11 @@ def worst_first(images: Sequence[PhotographFit]) -> list[PhotographFit]:
 
 
 def photograph_table(images: Sequence[PhotographFit]) -> tuple[Sequence[str], list[tuple[str, ...]], list[int]]:
-    """Head, rows of the worst photographs, and which of these stand out.
+    """Head, rows of the photographs, the worst first, and which of these stand out.
 
     Where the light of any is judged, columns tell of it; where any stands out, one says by how much.
     """
-    shown = worst_first(images)[:_MAX_ROWS]
+    shown = worst_first(images)
     odd = [row for row, image in enumerate(shown) if image.stands_out]
     head: tuple[str, ...] = _COLUMNS
     body = [_errors(image) for image in shown]
@@ -50,6 +51,57 @@ def photograph_table(images: Sequence[PhotographFit]) -> tuple[Sequence[str], li
         head = (*head, _ODD_COLUMN)
         body = [(*cells, _times(image)) for cells, image in zip(body, shown, strict=True)]
     return head, body, odd
+
+
+def sortable_table(images: Sequence[PhotographFit], names: Sequence[str], *, viewer: bool = True) -> str:
+    """The table as HTML with a button in every head and row, those that were not fitted last.
+
+    Args:
+        images: the photographs that were fitted.
+        names: of all photographs of the capture, in their order.
+        viewer: whether the page can show the photograph of a row.
+    """
+    head, body, odd = photograph_table(images)
+    ordered, largest = worst_first(images), max((image.reduced_chi2 for image in images), default=0.0)
+    rows = []
+    for place, (image, cells) in enumerate(zip(ordered, body, strict=True)):
+        texts = [escape(cell) for cell in cells]
+        texts[2] += meter(image.reduced_chi2 / largest if largest else 0.0)
+        keys = [*_keys(image, lights=_lights_are_judged(images))]
+        rows.append(_row(names.index(image.file), texts, keys, "bold" if place in odd else "", viewer))
+    fitted = {image.file for image in images}
+    for number in (number for number, name in enumerate(names) if name not in fitted):
+        rows.append(_row(number, [escape(names[number]), *_NOT_FITTED], [-1.0, -1.0], "", viewer))
+    heads = "".join(
+        f'<th{" aria-sort=descending" * (number == 2)}><button type="button">{escape(cell)}</button></th>'
+        for number, cell in enumerate(head)
+    )
+    return (
+        f'<div class="scroll"><table class="sortable"><thead><tr>{heads}</tr></thead>'
+        f"<tbody>{''.join(rows)}</tbody></table></div>"
+    )
+
+
+def _keys(image: PhotographFit, *, lights: bool) -> Iterator[float]:
+    """What the columns behind the first are sorted by, in place of their texts.
+
+    Args:
+        image: of the row.
+        lights: whether columns tell of the lights.
+    """
+    yield -1.0 if image.relative_rmse is None else image.relative_rmse
+    yield image.reduced_chi2
+    if lights:
+        yield 0.0 if image.level is None else abs(image.level - 1)
+        yield image.direction.degrees if image.direction else 0.0
+    yield image.times
+
+
+def _row(number: int, cells: Sequence[str], keys: Sequence[float], kind: str, viewer: bool) -> str:
+    """A row of cells of HTML, the first of which is, with a viewer, a button that shows the photograph."""
+    first = f'<button type="button">{cells[0]}</button>' if viewer else cells[0]
+    others = "".join(f"<td data-key={key:.6g}>{cell}</td>" for cell, key in zip(cells[1:], keys, strict=False))
+    return f'<tr data-image="{number}" class="{kind}"><td>{first}</td>{others}</tr>'
 
 
 def legend_of(images: Sequence[PhotographFit]) -> str:
@@ -77,15 +129,6 @@ def _level(image: PhotographFit) -> str:
 def _times(image: PhotographFit) -> str:
     """How a photograph stands out, in a cell."""
     return f"{image.times:.0f} ({image.stands_out})" if image.stands_out else ""
-
-
-def not_shown(images: Sequence[PhotographFit]) -> str:
-    """How many photographs the table leaves out, as a sentence; empty where it has all."""
-    rest = worst_first(images)[_MAX_ROWS:]
-    if not rest:
-        return ""
-    largest = share(max(image.relative_rmse for image in rest))
-    return f"The worst {_MAX_ROWS}; the other {len(rest)} have errors of up to {largest}: result.json lists them all. "
 
 
 def angle_drawings(residuals: Mapping[str, AngularResiduals]) -> tuple[list[tuple[str, str]], str]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import itertools
 import threading
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,8 @@ from matest.photographs.images import write_image
 from matest.photographs.photometry import srgb
 from matest.photographs.samples import PhotographSamples
 from matest.report.picture_size import PictureSize
+from matest.report.previews import LARGE_SIDE, PagePictures, Preview, PreviewPlan, drawing, preview, residual_codes
+from matest.report.raster import Raster
 from matest.samples import Tile
 from matest.samples.likelihood import REJECTED
 from matest.samples.residual_scale import ResidualScale
@@ -34,40 +35,6 @@ MEAN_RESIDUAL = "images/mean_residual.png"
 _GREY = 224
 
 
-@dataclass(frozen=True)
-class Raster:
-    """One pixel of every `step`×`step` of the photographs, as a picture.
-
-    The pixels are taken as they are, not averaged: a mean would show less noise in the difference than there is.
-
-    Attributes:
-        shape: of the picture.
-        index: the surface's pixels that it shows [n].
-        sources: for each pixel of the picture, row by row, its place in `index`; n on the background.
-    """
-
-    shape: tuple[int, int]
-    index: np.ndarray
-    sources: np.ndarray
-
-    @staticmethod
-    def of(surface: Surface, step: int) -> Raster:
-        """One pixel of every `step`×`step` of a surface, from the middle of each square."""
-        rows, columns = (np.arange(min(step, side) // 2, side, step) for side in surface.shape)
-        shown = (rows[:, None] * surface.shape[1] + columns).ravel()
-        nearest = np.searchsorted(surface.pixels, shown.astype(surface.pixels.dtype)).clip(max=len(surface) - 1)
-        on_object = surface.pixels[nearest] == shown
-        index = nearest[on_object]
-        sources = np.full(len(shown), len(index))
-        sources[on_object] = np.arange(len(index))
-        return Raster((len(rows), len(columns)), index, sources)
-
-    def picture(self, colours: np.ndarray, background: int) -> np.ndarray:
-        """Colours [n, C] of the pixels as a picture."""
-        with_background = np.concatenate([colours, np.full((1, colours.shape[1]), background, dtype=np.uint8)])
-        return np.take(with_background, self.sources, axis=0, mode="clip").reshape(*self.shape, -1)
-
-
 def write_pictures(
     capture: Capture,
     material: Brdf,
@@ -76,7 +43,8 @@ def write_pictures(
     *,
     radiance: bool = False,
     residual_scale: ResidualScale | None = None,
-) -> None:
+    plan: PreviewPlan | None = None,
+) -> PagePictures:
     """`profile.csv` and, unless `size` says none, `images/NN_photo.png`, `NN_render.png`, `NN_residual.png`, and the
     mean of the residuals, `mean_residual.png`.
 
@@ -91,6 +59,10 @@ def write_pictures(
         size: of the pictures. Only the pixels that they show, and those of the profile, are shaded.
         residual_scale: by which outliers of a fit were judged; None: there are none.
         radiance: shade every pixel and write the linear radiance of the material too, `NN.exr`.
+        plan: of previews of these pictures for a page; None: it needs none.
+
+    Returns:
+        Small pictures for a page, none without pictures or plan.
     """
     scene, surface, samples = capture.scene, capture.scene.surface, capture.samples()
     row, width = _middle_pixels(surface), surface.shape[1]
@@ -103,8 +75,9 @@ def write_pictures(
         (folder / "images").mkdir(parents=True, exist_ok=True)
         mean = _Mean(len(raster.index))
 
-    def draw(number: int) -> list[tuple[str, np.ndarray]]:
-        """Write the pictures of an image; returns its columns of the profile."""
+    def draw(number: int) -> tuple[Preview | None, list[tuple[str, np.ndarray]]]:
+        """Write the pictures of an image; returns its preview and its columns of the profile."""
+        small = None
         if radiance:
             whole = render_image(scene, number, material).detach().numpy()
             write_image(folder / f"{number:02d}.exr", whole)
@@ -120,17 +93,26 @@ def write_pictures(
             counts = samples.usable_at(number, raster.index) & ~idle.all(axis=1)
             difference = np.where(idle, 0, measured - model)
             mean.add(_by_channel(difference).mean(axis=0) / _rms(measured), counts)
-            for kind, picture in _pictures(measured, model, difference, counts, raster).items():
+            pictures = _pictures(measured, model, difference, counts, raster)
+            for kind, picture in pictures.items():
                 write_image(folder / "images" / f"{number:02d}_{kind}.png", picture)
-        return [
+            if plan:
+                brightness = np.stack([measured.mean(axis=1), model.mean(axis=1)], axis=1)
+                codes = residual_codes(_deviations(samples, number, raster.index, model, difference, idle), counts)
+                small = preview(plan, number, raster, pictures, brightness, codes)
+        return small, [
             (f"{name}_{number:02d}", _profile(values[: len(row)], columns, width))
             for name, values in (("photo", photo), ("render", render))
         ]
 
-    profiles = dict(itertools.chain.from_iterable(in_threads(draw, range(len(capture)))))
-    write_columns(folder / "profile.csv", {"x": np.arange(width), **profiles})
+    previews, profiles = zip(*in_threads(draw, range(len(capture))), strict=True)
+    write_columns(folder / "profile.csv", {"x": np.arange(width), **dict(itertools.chain.from_iterable(profiles))})
+    average = ""
     if raster and mean:
-        write_image(folder / MEAN_RESIDUAL, raster.picture(mean.colours(), background=_GREY))
+        picture = raster.picture(mean.colours(), background=_GREY)
+        write_image(folder / MEAN_RESIDUAL, picture)
+        average = drawing(picture, LARGE_SIDE) if plan and len(capture) > 1 else ""
+    return PagePictures([small for small in previews if small is not None], average)
 
 
 def write_columns(path: Path, columns: dict[str, np.ndarray]) -> None:
@@ -171,6 +153,20 @@ def _outliers(
         squares = Tile(samples.at(image, index[suspects.numpy()])).about(model[suspects], residual_scale)
         outliers[suspects.numpy()] = (squares.weight == 0).numpy()
     return outliers
+
+
+def _deviations(
+    samples: PhotographSamples,
+    image: int,
+    index: np.ndarray,
+    render: np.ndarray,
+    difference: np.ndarray,
+    idle: np.ndarray,
+) -> np.ndarray:
+    """Differences in standard deviations of the noise, of the sum over the channels that are not idle [n]."""
+    variance = samples.readout(image, index).variance(torch.from_numpy(render)).numpy()
+    spread = np.sqrt(np.where(idle, 0, variance).sum(axis=1))
+    return np.divide(difference.sum(axis=1), spread, out=np.zeros(len(index), dtype=spread.dtype), where=spread > 0)
 
 
 def _pictures(

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 
 from matest.estimation.table_fit import Misfit, TableFit
-from matest.report.format import MISFIT_COLUMNS, chi2, misfit_cells, share, stages
-from matest.report.page import candidates, document, html_table, parameters
+from matest.report.document import Section, document
+from matest.report.format import MISFIT_COLUMNS, chi2, misfit_cells, share
+from matest.report.html import html_table, items
+from matest.report.page import candidates, closing_sections, heading, identifiability, parameters
+from matest.report.relight import Relighting, relight_section
 
 # Pictures of the page, and what they show.
 _PICTURES = (
@@ -30,20 +33,28 @@ _MEANING = (
 )
 
 
-def table_page(fit: TableFit) -> str:
-    """The report as HTML; pictures are referred to by their place in the result folder."""
+def table_page(fit: TableFit, pictures: Mapping[str, str], relit: Relighting | str) -> str:
+    """The report as HTML.
+
+    Args:
+        fit: what to report.
+        pictures: "slices", "incidences" and "posterior" as data URIs.
+        relit: the material on a sphere, or why there is none.
+    """
     estimate = fit.estimate
-    sections = (
-        parameters(estimate),
-        _quality(fit),
-        *(_figure(*picture) for picture in _PICTURES),
-        _misfits("Errors by incidence", "incidence", fit.incidences),
-        _misfits("Errors by channel", "channel", fit.channels),
-        candidates(estimate),
-        _left_out(fit),
-        f"<h2>Time</h2>\n<p>{escape(stages(estimate.timing_s))}</p>",
-    )
-    return document(estimate.capture, sections)
+    sections = [
+        Section("parameters", "Parameters", parameters(estimate)),
+        *(Section(name, title, _figure(pictures[name], title, caption)) for name, title, caption in _PICTURES),
+        Section("relight", "Relight", relight_section(estimate, relit, ["above on the right"])),
+        Section("incidence", "Errors by incidence", _misfits("incidence", fit.incidences)),
+        Section("channel", "Errors by channel", _misfits("channel", fit.channels)),
+        Section("identifiability", "What is determined", identifiability(estimate)),
+        Section("fit", "Fit", _quality(fit)),
+        Section("models", "Models tried", candidates(estimate)),
+        Section("skipped", "Left out", _left_out(fit)),
+        *closing_sections(estimate),
+    ]
+    return document(f"matest: {estimate.capture}", heading(estimate), sections)
 
 
 def _quality(fit: TableFit) -> str:
@@ -61,22 +72,21 @@ def _quality(fit: TableFit) -> str:
         origin = "stated" if fit.samples.noise_stated else "estimated from the residuals"
         relative, floor = float(noise.relative.median()), float(noise.floor.median())
         cells[f"noise, {origin}"] = f"{relative:.2g} of the value, floor {floor:.2g}"
-    return "<h2>Fit</h2>\n" + html_table([*cells], [[*cells.values()]], "words") + f"<p>{_MEANING}</p>"
+    return html_table([*cells], [[*cells.values()]], "words") + f"<p>{_MEANING}</p>"
 
 
-def _figure(name: str, title: str, caption: str) -> str:
+def _figure(picture: str, title: str, caption: str) -> str:
     return (
-        f'<h2>{escape(title)}</h2>\n<figure><img src="images/{name}.png" alt="{escape(title)}">'
-        f"<figcaption>{escape(caption)}</figcaption></figure>"
+        f'<figure class="plot"><img src="{picture}" alt="{escape(title)}"><figcaption>{caption}</figcaption></figure>'
     )
 
 
-def _misfits(title: str, what: str, misfits: Sequence[Misfit]) -> str:
+def _misfits(what: str, misfits: Sequence[Misfit]) -> str:
     body = [(misfit.label, *misfit_cells(misfit)) for misfit in misfits]
-    return f"<h2>{title}</h2>\n" + html_table((what, *MISFIT_COLUMNS), body)
+    return html_table((what, *MISFIT_COLUMNS), body)
 
 
 def _left_out(fit: TableFit) -> str:
     """Which entries were left out; empty where none were."""
     counts = [f"{count:,} {reason}" for reason, count in fit.samples.table.skipped.items() if count]
-    return f"<h2>Left out</h2>\n<p>Entries: {escape(', '.join(counts))}.</p>" if counts else ""
+    return items([f"entries: {', '.join(counts)}"]) if counts else ""

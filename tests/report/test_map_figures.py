@@ -25,11 +25,14 @@ from matest.report.map_figures import (
 )
 from tests.captures import sphere_surface
 from tests.estimates import clay
-from tests.report.test_page import read, words
+from tests.report.pages import read, words
 
 SURFACE = sphere_surface(32)
 COUNT = len(SURFACE)
 GREY = 224
+# Previews as the page has them, by file.
+KINDS = ("", "_std", "_known", "_smooth", "_smooth_std")
+SHOWN = {f"maps/{name}{kind}.png": f"data:{name}{kind}" for name in ("albedo", "sigma") for kind in KINDS}
 
 
 def a_map(name: str, values: torch.Tensor, std: float = 0.01) -> ParameterMap:
@@ -53,7 +56,9 @@ def test_three_channels_of_albedo_are_colours_and_white_is_stated() -> None:
     assert scale == Scale(0.0, pytest.approx(0.4), is_colour=True)
     on_object = value_picture(coloured(), SURFACE, scale).reshape(-1, 3)[SURFACE.pixels]
     np.testing.assert_array_equal(on_object, srgb(coloured().value.double().numpy() / scale.upper))
-    assert "albedo as sRGB shows it, white at 0.4 " in words(maps_section(clay(maps={"albedo": coloured()}))) + " "
+    assert (
+        "albedo as sRGB shows it, white at 0.4 " in words(maps_section(clay(maps={"albedo": coloured()}), SHOWN)) + " "
+    )
 
 
 @pytest.mark.parametrize(("each", "unit"), [(rough(), "rad"), (a_map("albedo", rough().value), "1")])
@@ -76,12 +81,12 @@ def test_colours_get_brighter_with_the_value_and_grey_is_no_value() -> None:
 
 
 def test_the_page_has_numbers_with_unit_and_degrees_below_a_scale() -> None:
-    section = maps_section(clay(maps={"sigma": rough()}))
+    section = maps_section(clay(maps={"sigma": rough()}), SHOWN)
     text = words(section)
     assert "0.2 rad 11.5° 0.35 rad 20.1° 0.5 rad 28.6° sigma" in text
     assert "standard error of sigma" in text
-    files = ["maps/sigma.png", "maps/sigma_std.png", "maps/sigma_known.png"]
-    assert [picture["src"] for picture in read(section).pictures] == files
+    sources = [picture["src"] for picture in read(section).pictures]
+    assert sources == ["data:sigma", "data:sigma_std", "data:sigma_known"]
     assert section.count('class="scale"') == 2
 
 
@@ -91,8 +96,8 @@ def test_a_smoothed_map_has_the_colours_of_the_map_itself() -> None:
     shown = dict(pictures(estimate, SURFACE))
     expected = value_scale(each, "rad").colours(smooth.value.double().numpy())
     np.testing.assert_array_equal(shown["maps/sigma_smooth.png"].reshape(-1, 3)[SURFACE.pixels], expected)
-    section = maps_section(estimate)
-    assert {picture["src"] for picture in read(section).pictures} == {*shown}
+    section = maps_section(estimate, SHOWN)
+    assert {picture["src"] for picture in read(section).pictures} == {SHOWN[file] for file in shown}
     assert "sigma, smoothed" in words(section)
 
 
@@ -103,7 +108,7 @@ def test_what_is_known_is_seen_in_colours_with_a_legend() -> None:
     colours = np.unique(picture, axis=0)
     assert len(colours) == 3
     assert min(np.abs(a - b).max() for a in colours for b in colours if (a != b).any()) > 60
-    section = maps_section(clay(maps={"sigma": each}))
+    section = maps_section(clay(maps={"sigma": each}), SHOWN)
     legend = words(section)
     for status in ("determined", "not told by their own photographs", "not seen"):
         assert status in legend
@@ -122,7 +127,7 @@ def test_a_map_that_is_the_same_everywhere_has_a_scale() -> None:
         scale = value_scale(each, "rad")
         assert scale.lower <= value < scale.upper
         assert std_scale(each).upper > 0
-        assert "rad" in maps_section(clay(maps={"sigma": each}))
+        assert "rad" in maps_section(clay(maps={"sigma": each}), SHOWN)
 
 
 def test_a_map_of_which_nothing_is_seen_is_grey() -> None:
@@ -146,8 +151,8 @@ def test_a_sentence_says_what_share_of_the_pixels_is_known() -> None:
 
 
 def test_without_previews_the_sentences_remain() -> None:
-    section = maps_section(clay(maps={"sigma": rough()}), previews=False)
+    section = maps_section(clay(maps={"sigma": rough()}), None)
     assert read(section).pictures == []
     assert "determined at" in section
     assert "Grey" not in section
-    assert maps_section(clay()) == ""
+    assert maps_section(clay(), {}) == ""

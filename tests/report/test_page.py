@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import re
-from html.parser import HTMLParser
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,57 +14,27 @@ from matest.brdf import OrenNayar
 from matest.estimation.result import Candidate
 from matest.report.folder import write_result
 from matest.report.page import page
+from matest.report.picture_size import PictureSize
+from matest.report.previews import LARGE_SIDE, SMALL_SIDE, PagePictures, Preview
 from tests.estimates import LOST, SIGMA, clay
+from tests.report.pages import read, words
 from tests.simulated import Studio, coloured
 
-VOID = {"meta", "img", "br"}
 EVIL = '<script>alert("1")</script> & co'
+# A page without anything of others: its own script, and no data.
+SCRIPTS = 1
 
 
 def names(count: int) -> list[str]:
     return [f"{number:02d}.exr" for number in range(count)]
 
 
-class Reader(HTMLParser):
-    """Collects text, tags and pictures, and insists that tags nest."""
-
-    def __init__(self) -> None:
-        super().__init__(convert_charrefs=True)
-        self.open: list[str] = []
-        self.tags: list[str] = []
-        self.text: list[str] = []
-        self.pictures: list[dict[str, str | None]] = []
-        self.doctype = ""
-
-    def handle_decl(self, decl: str) -> None:
-        self.doctype = decl
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append(tag)
-        if tag == "img":
-            self.pictures.append(dict(attrs))
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open, f"</{tag}> closes nothing"
-        assert self.open.pop() == tag
-
-    def handle_data(self, data: str) -> None:
-        if not self.open or self.open[-1] != "style":
-            self.text.append(data)
-
-
-def read(text: str) -> Reader:
-    reader = Reader()
-    reader.feed(text)
-    reader.close()
-    assert reader.open == []
-    return reader
-
-
-def words(text: str) -> str:
-    return " ".join(" ".join(read(text).text).split())
+def pictures(count: int, name: str = "a.exr") -> PagePictures:
+    """Made-up previews of some photographs."""
+    uri = "data:image/jpeg;base64,"
+    one = Preview(name, 0, 4, 2, 2, uri, uri, "", 1, 2, "", 1.0, False)
+    previews = [replace(one, name=each, number=number) for number, each in enumerate([name] * count)]
+    return PagePictures(previews, f"{uri}mean")
 
 
 @pytest.mark.parametrize(
@@ -71,13 +43,13 @@ def words(text: str) -> str:
     ids=lambda changes: ", ".join(changes) or "everything",
 )
 def test_every_tag_is_closed_in_its_place(changes: dict) -> None:
-    reader = read(page(clay(**changes), names(3)))
+    reader = read(page(clay(**changes), names(3), pictures(3)))
     assert reader.doctype == "doctype html"
     assert [tag for tag in ("html", "head", "title", "body") if reader.tags.count(tag) != 1] == []
 
 
 def test_the_page_says_what_was_found() -> None:
-    text = words(page(clay(), names(1)))
+    text = words(page(clay(), names(1), None))
     for part in (
         "vase: oren-nayar",
         "Converged; the model describes the images to their noise.",
@@ -103,14 +75,14 @@ def test_the_page_says_what_was_found() -> None:
 
 
 def test_only_the_row_of_the_chosen_model_is_bold() -> None:
-    text = page(clay(), names(1))
+    text = page(clay(), names(1), None)
     assert text.count("<tr class=bold>") == 1
     assert text.split("<tr class=bold>")[1].startswith("<td>oren-nayar</td>")
     assert "chosen: the simplest" not in words(text)
 
 
 def test_what_was_not_asked_for_is_not_on_the_page() -> None:
-    text = words(page(clay(candidates=[], holdout=None, warnings=[]), names(1)))
+    text = words(page(clay(candidates=[], holdout=None, warnings=[]), names(1), None))
     assert "Models tried" not in text
     assert "left out" not in text
 
@@ -129,54 +101,72 @@ def test_what_was_not_asked_for_is_not_on_the_page() -> None:
     ids=lambda changes: next(iter(changes)),
 )
 def test_names_of_others_are_text_and_never_markup(changes: dict) -> None:
-    text = page(clay(**changes), names(1))
-    assert "script" not in read(text).tags
+    text = page(clay(**changes), names(1), None)
+    assert read(text).tags.count("script") == SCRIPTS
     assert EVIL in words(text)
 
 
 def test_names_of_files_are_text_and_never_markup() -> None:
-    text = page(clay(), [EVIL])
-    assert "script" not in read(text).tags
-    assert f"{EVIL}: photograph" in words(text)
+    text = page(clay(), [EVIL], pictures(1, EVIL))
+    assert read(text).tags.count("script") == SCRIPTS + 1
+    assert EVIL in words(text)
 
 
-def test_every_picture_is_described_and_exists_in_the_folder(tmp_path: Path) -> None:
-    capture = Studio(size=16, lights=coloured()[:2]).photograph(OrenNayar([0.7, 0.6, 0.5], 0.5), seed=1)
+def test_only_the_script_of_the_page_may_run() -> None:
+    text = page(clay(), names(1), pictures(1))
+    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', text)
+    assert policy is not None
+    (script,) = re.findall(r"<script>(.*?)</script>", text, re.DOTALL)
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    assert f"script-src 'sha256-{digest}';" in policy[1]
+    assert "default-src 'none'" in policy[1]
+
+
+def test_links_lead_to_sections_that_exist() -> None:
+    text = page(clay(provenance={"matest": "1"}), names(2), pictures(2))
+    targets = re.findall(r'<a href="#([\w-]+)">', text)
+    assert len(targets) > 8
+    assert targets == re.findall(r'<section id="([\w-]+)">', text)
+
+
+def test_a_report_is_one_file_of_a_few_hundred_kilobytes(tmp_path: Path) -> None:
+    lights = coloured([(0.1 * (k - 6), 0.05 * (6 - k), 0.8) for k in range(12)])
+    capture = Studio(size=LARGE_SIDE, lights=lights).photograph(OrenNayar([0.7, 0.6, 0.5], 0.5), seed=1)
     write_result(clay(), capture, tmp_path / "matest")
-    pictures = read((tmp_path / "matest" / "report.html").read_text("utf-8")).pictures
-    assert len(pictures) == 7
-    assert all((tmp_path / "matest" / str(picture["src"])).is_file() for picture in pictures)
-    assert len({picture["alt"] for picture in pictures}) == 7
+    file = tmp_path / "matest" / "report.html"
+    assert 200_000 < file.stat().st_size < 700_000
+    shown = read(file.read_text("utf-8"))
+    assert all(str(picture.get("src", "data:")).startswith("data:") for picture in shown.pictures)
 
 
-def test_the_page_says_which_pixels_its_pictures_show() -> None:
-    preview = words(page(clay(), names(1), step=3))
-    assert "one pixel of every 3×3" in preview
-    assert "--pictures full" in preview
-    assert "one pixel of every" not in words(page(clay(), names(1)))
+def test_many_photographs_take_hardly_more(tmp_path: Path) -> None:
+    lights = coloured([(0.01 * (k - 48), 0.2, 0.8) for k in range(96)])
+    capture = Studio(size=SMALL_SIDE, lights=lights).photograph(OrenNayar([0.7, 0.6, 0.5], 0.5), seed=1)
+    write_result(clay(), capture, tmp_path / "matest")
+    assert (tmp_path / "matest" / "report.html").stat().st_size < 1_100_000
 
 
 def test_without_pictures_the_page_has_none_and_the_rest() -> None:
-    with_pictures, without = (read(page(clay(), names(2), step=step)) for step in (1, None))
+    with_pictures, without = (read(page(clay(), names(2), shown)) for shown in (pictures(2), None))
     assert without.pictures == []
-    text = " ".join(without.text)
-    assert "Images" not in without.text
-    assert "red where the photograph" not in text
+    assert 'id="viewer"' not in page(clay(), names(2), None)
     assert [part for part in without.text if part not in with_pictures.text] == []
 
 
-def test_more_than_a_hundred_images_are_numbered_on() -> None:
-    sources = [picture["src"] for picture in read(page(clay(), names(101))).pictures]
-    assert sources[-1] == "images/100_residual.png"
-    assert len(set(sources)) == 304
-
-
 def test_the_page_loads_nothing_from_elsewhere() -> None:
-    text = page(clay(), names(2))
+    text = page(clay(), names(2), pictures(2))
     assert not re.search(r"(src|href)\s*=\s*[\"']?(https?:)?//", text)
     assert not re.search(r"@import|url\(", text)
 
 
+def test_full_size_pictures_are_linked_where_they_are_asked_for(tmp_path: Path) -> None:
+    capture = Studio(size=16, lights=coloured()[:2]).photograph(OrenNayar([0.7, 0.6, 0.5], 0.5), seed=1)
+    for size in (PictureSize.PREVIEW, PictureSize.FULL):
+        write_result(clay(), capture, tmp_path / size, pictures=size)
+        text = (tmp_path / size / "report.html").read_text("utf-8")
+        assert ('"full":true' in text) == (size is PictureSize.FULL)
+
+
 def test_fixed_channels_are_named_like_the_others() -> None:
-    only_sigma = page(clay(parameters={"sigma": SIGMA}), names(1))
+    only_sigma = page(clay(parameters={"sigma": SIGMA}), names(1), None)
     assert "sigma R" not in words(only_sigma)

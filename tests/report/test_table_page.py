@@ -20,6 +20,8 @@ from matest.report.tables import misfit_table
 from matest.tables import Table
 from tests.tables.goniometer import hemispherical, measured
 
+SHOWN = {name: f"data:{name}" for name in ("slices", "incidences", "posterior")}
+
 
 @pytest.fixture(scope="module")
 def fit() -> TableFit:
@@ -32,9 +34,9 @@ def fit() -> TableFit:
 
 
 def test_the_page_shows_pictures_and_errors(fit: TableFit) -> None:
-    page = table_page(fit)
-    for picture in ("slices", "incidences", "posterior"):
-        assert f'src="images/{picture}.png"' in page
+    page = table_page(fit, SHOWN, "No relighting.")
+    for picture in SHOWN.values():
+        assert f'src="{picture}"' in page
     assert "Errors by incidence" in page
     assert "noise, estimated from the residuals" in page
     assert "<td>40°</td>" in page
@@ -44,7 +46,7 @@ def test_the_page_shows_pictures_and_errors(fit: TableFit) -> None:
 def test_the_page_begins_with_the_verdict(fit: TableFit) -> None:
     verdict = "No model of the catalogue <fits> this table."
     estimate = replace(fit.estimate, warnings=[verdict, *fit.estimate.warnings])
-    page = table_page(replace(fit, estimate=estimate))
+    page = table_page(replace(fit, estimate=estimate), SHOWN, "")
     warnings = page.split('<p class="warning">')[1:]
     assert warnings[0].startswith("No model of the catalogue &lt;fits&gt; this table.")
 
@@ -86,6 +88,9 @@ def test_a_folder_is_written_whole_with_its_provenance(fit: TableFit, tmp_path: 
     assert complete.estimate.provenance["command"] == "matest fit"
     assert json.loads((tmp_path / "out" / "result.json").read_text("utf-8")) == complete.to_dict()
     assert [path.name for path in tmp_path.iterdir() if path.name.startswith(".")] == []
+    report = (tmp_path / "out" / "report.html").read_text("utf-8")
+    assert report.count('src="data:image/png;base64,') == 3
+    assert "relight-data" in report
 
 
 def test_terminal_tables_have_a_row_for_every_part(fit: TableFit) -> None:
