@@ -141,6 +141,8 @@ def realise(
     """
     description, notes = with_camera(description, images.shape)
     tables = description.tables
+    if tables.object:
+        notes = (*notes, "Light that one object sends to another is not modelled; the shadows between them are.")
     surface = visible_surface(description, images.shape, supersampling, precision)
     encoding = _encoding(description, images, surface, transfer)
     powers_stated = all(light.power_stated for image in tables.image for light in image.lights)

@@ -11,6 +11,7 @@ from typing import Any, Generic
 from matest.capture import schema
 from matest.capture.formats import LAYOUTS, Content, Layout, recognise
 from matest.capture.formats.colmap import model_files
+from matest.capture.objects import object_faults
 from matest.capture.schema import File
 from matest.errors import Fault, InputError, errors_of, refuse
 from matest.photographs.images import read_image
@@ -73,6 +74,7 @@ class Description(Generic[File]):
             "encoding.flat": tables.encoding.flat,
         }
         named = [(key, name) for key, name in values.items() if isinstance(name, str)]
+        named += [(f"object '{one.name}': mesh", one.mesh) for one in tables.object if one.mesh is not None]
         return named + [("camera.file", name) for name in self._camera_files]
 
     @property
@@ -145,6 +147,17 @@ def describe(path: str | Path, kind: type[File], *, root: Path | None = None) ->
     with errors_of(f"{file}: [uncertainty]"):
         uncertainty = Uncertainty.of(tables.uncertainty)
     return Description(file, (root or file.parent).absolute(), tables, uncertainty, layout, content, sources)
+
+
+def object_names(path: str | Path) -> list[str]:
+    """Names of the objects of a capture; none where it shows one without name.
+
+    Raises:
+        InputError: its file cannot be used.
+    """
+    if layout_of(path) is not None:
+        return []
+    return [table.name for table in describe(path, schema.CaptureFile).tables.object]
 
 
 def layout_of(path: str | Path) -> tuple[Layout, tuple[Path, ...]] | None:
@@ -241,6 +254,7 @@ def _faults(tables: schema.CaptureFile) -> Iterator[Fault]:
     """Keys that do not go together whatever else the file says."""
     camera, geometry = tables.camera, tables.geometry
     near = camera is not None and camera.kind == "perspective"
+    yield from object_faults(tables)
     flat = geometry.normals is not None and geometry.positions is None and not near
     sentence = "geometry.width goes with normals seen by a distant viewer, and without positions; leave it out."
     yield geometry.width is not None and not flat, sentence

@@ -38,6 +38,9 @@ def _source(description: Description) -> str:
 
 def _shape(description: Description, photographs: Photographs) -> str:
     geometry, surface = description.tables.geometry, photographs.scene.surface
+    if surface.objects is not None:
+        counts = (f"{name} ({surface.objects.pixels_of(k).sum():,})" for k, name in enumerate(surface.objects.names))
+        return f"pixels of {len(surface.objects.names)} objects: {', '.join(counts)}"
     shape = f"normal map {geometry.normals}" if geometry.normals else f"mesh {geometry.mesh}"
     if geometry.shape is not None:
         place = "the file states" if surface.circle is None else "is fitted to the mask"
@@ -49,7 +52,7 @@ def _shape(description: Description, photographs: Photographs) -> str:
 def _axes(description: Description) -> str:
     if description.content is not None:
         return description.content.axes
-    if description.tables.geometry.mesh is None:
+    if description.tables.geometry.mesh is None and not description.tables.object:
         return "x right, y up, z toward the viewer"
     camera = description.tables.camera
     if camera is None:
@@ -72,7 +75,7 @@ def _units(description: Description, photographs: Photographs) -> str:
         return f"the image is {geometry.width:g} wide and lies in the plane z = 0, the origin at its centre"
     if photographs.scene.surface.positions is None:
         return "none: directions only"
-    return "those of the mesh" if geometry.mesh else f"those of {geometry.positions}"
+    return "those of the mesh" if geometry.mesh or description.tables.object else f"those of {geometry.positions}"
 
 
 def _lights(description: Description, photographs: Photographs) -> str:

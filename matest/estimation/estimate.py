@@ -56,7 +56,7 @@ def estimate(
     """The material of a capture with its error bars.
 
     Args:
-        capture: from `load_capture`.
+        capture: from `load_capture`; of several objects one of its `objects`.
         model: an expression such as "oren-nayar+torrance-sparrow", or "auto".
         fix: values of parameters that are not estimated, by name or path.
         free: parameters to estimate although they are held by default (`f0`).
@@ -76,7 +76,7 @@ def estimate(
         progress: called with a word on what is being done.
 
     Raises:
-        InputError: unknown names, impossible constraints, no usable pixel.
+        InputError: unknown names, impossible constraints, no usable pixel, several objects.
         TypeError: samples instead of a capture.
     """
     if isinstance(capture, Samples):
@@ -99,6 +99,7 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         InputError: see `estimate`.
     """
     clock = time.perf_counter()
+    capture = capture.object()
     samples = _samples(capture, options)
     if samples.account.redundancy.channels:
         fix = {name: _of_one_channel(value, capture.channels) for name, value in options.fix.items()}

@@ -92,6 +92,20 @@ class Scene:
             unoccluded=unoccluded_fraction(self.surface) if bool((self.ambient > 0).any()) else None,
         )
 
+    def take(self, selection: np.ndarray) -> Scene:
+        """The same scene restricted to some of its surface's pixels (boolean [N]), in the shadows of all of it."""
+
+        def of_pixels(bits: Bits) -> Bits:
+            return Bits.of(np.asarray(bits)[selection])
+
+        return dataclasses.replace(
+            self,
+            surface=self.surface.take(selection),
+            shadows=tuple(None if bits is None else tuple(map(of_pixels, bits)) for bits in self.shadows),
+            shadow_edge=tuple(None if bits is None else of_pixels(bits) for bits in self.shadow_edge),
+            unoccluded=None if self.unoccluded is None else self.unoccluded[selection],
+        )
+
     def near_positions(self, image: int, index: Tensor | slice = slice(None)) -> Tensor | None:
         """Positions of some pixels [n, 3], where a light of the image is near: a distant one needs none."""
         near = any(light.near for light in self.lights[image])
