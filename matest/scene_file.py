@@ -13,10 +13,11 @@ import numpy as np
 
 from matest.bands import Band, bands
 from matest.brdf import Brdf, model, preset
-from matest.brdf.curvature import SHARPEST, curvature
+from matest.brdf.curvature import curvature
 from matest.capture import schema
 from matest.capture.assembly import ImageFormat, Setup, realise
 from matest.capture.description import Description, describe, image_channels, image_shape
+from matest.direction_error import direction_note
 from matest.errors import Fault, InputError, errors_of, refuse
 from matest.estimation.specification import optics, resolve
 from matest.scene import Scene
@@ -60,6 +61,12 @@ class SimulatedScene:
         """Geometry and lights."""
         return self.setup.scene
 
+    @property
+    def notes(self) -> list[str]:
+        """What is approximate about its images, in sentences."""
+        directions = direction_note(self.scene, self.material)
+        return [*self.setup.notes, *([] if directions is None else [directions])]
+
     @cached_property
     def pixels(self) -> PixelMeans:
         """The means over the rays of each pixel."""
@@ -93,13 +100,14 @@ def load_scene(path: str | Path) -> SimulatedScene:
     if images.dtype.kind == "u" and not black < PEAK_LEVEL:
         raise InputError(f"{file}: encoding.black must leave room for light, below {PEAK_LEVEL}; got {black}.")
     transfer = tables.encoding.transfer or "linear"
-    sized = any(light.size is not None for image in tables.image for light in image.lights)
+    lights = [light for image in tables.image for light in image.lights]
+    broad = any(light.size is not None or light.environment is not None for light in lights)
     setup = realise(
         description,
         images,
         transfer=transfer,
         supersampling=supersampling,
-        curvature=max(map(curvature, brdfs_of(material))) if sized else SHARPEST,
+        curvature=max(map(curvature, brdfs_of(material))) if broad else None,
     )
     with errors_of(file):
         material = _with_optics(material, setup.scene)

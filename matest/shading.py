@@ -27,6 +27,8 @@ _POLAR = 64
 _AZIMUTH = 64
 # Pixels that are shaded at once: single precision RGB of one light takes 0.8 MB.
 _TILE = 1 << 16
+# Lights of an image that so many pixels are shaded under at once; under more, as many fewer.
+_FEW_NODES = 16
 
 
 def shade(brdf: Brdf, points: Points) -> Tensor:
@@ -109,7 +111,7 @@ def render_pixels(
 ) -> Tensor:
     """Radiance [n, C] of some of the surface's N pixels, by their `index` [n], in one of the images of `render`."""
     parts = []
-    for tile in index.split(_TILE):
+    for tile in index.split(max(_TILE // max(scene.nodes(image) // _FEW_NODES, 1), 1)):
         points = scene.points(image, tile, dtype=dtype, device=device)
         radiance = points.wo.new_zeros(len(tile), scene.channels)
         for brdf, rows in _materials(scene.surface, material, tile):

@@ -54,21 +54,21 @@ def _radiance_to_a_code(scene: SimulatedScene, image: int) -> np.ndarray:
     return scene.pixels.radiance(image, scene.material, tolerance, scale)
 
 
-def simulate(path: str | Path, out: str | Path | None = None, progress: Progress = silent) -> Path:
+def simulate(source: str | Path | SimulatedScene, out: str | Path | None = None, progress: Progress = silent) -> Path:
     """Render a scene file to a capture folder that `matest.load_capture` reads.
 
     Writes the images (PNG of `noise.bits`, otherwise EXR), `mask.png`, `normals.exr`, the mesh and `capture.toml`.
     The same scene gives the same pixels every time.
 
     Args:
-        path: scene file or its folder.
+        source: scene file or its folder, or what `load_scene` makes of it.
         out: the capture's folder; default: the scene's own.
         progress: called with a word, the number of images written and their total.
 
     Raises:
         InputError: a bad scene, or a folder whose capture was not made by rendering.
     """
-    scene = load_scene(path)
+    scene = source if isinstance(source, SimulatedScene) else load_scene(source)
     tables, file = scene.description.tables, scene.description.file
     folder = Path(out) if out is not None else file.parent
     bits = bits_of(tables, str(file))

@@ -75,7 +75,18 @@ class Description(Generic[File]):
         }
         named = [(key, name) for key, name in values.items() if isinstance(name, str)]
         named += [(f"object '{one.name}': mesh", one.mesh) for one in tables.object if one.mesh is not None]
+        named += [(f"image {k}: environment", name) for k, name in self.environments]
         return named + [("camera.file", name) for name in self._camera_files]
+
+    @property
+    def environments(self) -> list[tuple[int, str]]:
+        """Numbers of images and the maps of light around them, each file once."""
+        lights = [(k, light.environment) for k, image in enumerate(self.tables.image) for light in image.lights]
+        first: dict[str, int] = {}
+        for number, name in lights:
+            if name is not None:
+                first.setdefault(name, number)
+        return [(number, name) for name, number in first.items()]
 
     @property
     def _camera_files(self) -> list[str]:
@@ -241,7 +252,10 @@ def image_channels(description: Description, lengths: Iterable[int] = ()) -> int
     lights = [light for image in tables.image for light in image.lights]
     colours = [colour for light in lights for colour in (light.irradiance, light.intensity, light.radiance)]
     colours += [*(image.ambient for image in tables.image), tables.camera.wavelength if tables.camera else None]
-    several = ({len(colour) for colour in colours if isinstance(colour, list)} | {*lengths}) - {1}
+    maps = {
+        read_image(description.path(name, f"image {k}: environment")).shape[2] for k, name in description.environments
+    }
+    several = ({len(colour) for colour in colours if isinstance(colour, list)} | {*lengths} | maps) - {1}
     if not several <= {3}:
         raise InputError(
             f"{description.file}: colours must have 3 values (linear RGB) or be one number; got {sorted(several)} "

@@ -91,11 +91,15 @@ class LightTable(_Table):
     anisotropy: Annotated[float, ranges.ANISOTROPY] | None = None
     size: float | tuple[float, float] | None = None  # diameter of a disc, or width and height of a rectangle
     up: Vector | None = None  # along the height of a rectangle
+    environment: str | None = None  # a map of radiance in latitude and longitude, instead of all above
+    scale: Annotated[float, ranges.POSITIVE] | None = None  # of that radiance
+    turn: float | None = None  # of that map about y, rad
+    directions: Annotated[int, ranges.DIRECTIONS] | None = None  # that stand for it
 
     @property
     def power_stated(self) -> bool:
         """Whether a key gives the strength of the light."""
-        return any(value is not None for value in (self.irradiance, self.intensity, self.radiance))
+        return any(value is not None for value in (self.irradiance, self.intensity, self.radiance, self.environment))
 
 
 class ImageTable(_Table):

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from matest.capture.description import Description
 from matest.photographs.photographs import Photographs
-from matest.scene import PointLight
+from matest.scene import EnvironmentLight, PointLight
 
 _TRANSFERS = {"linear": "linear", "srgb": "sRGB"}
 # Full scale of floats.
@@ -81,7 +81,8 @@ def _units(description: Description, photographs: Photographs) -> str:
 def _lights(description: Description, photographs: Photographs) -> str:
     lights = [light for some in photographs.scene.lights for light in some]
     near = sum(isinstance(light, PointLight) for light in lights)
-    kinds = [(len(lights) - near, "distant"), (near, "near")]
+    around = sum(isinstance(light, EnvironmentLight) for light in lights)
+    kinds = [(len(lights) - near - around, "distant"), (near, "near"), (around, "environment")]
     counted = " and ".join(f"{count} {kind}" for count, kind in kinds if count) or "no"
     tables = [light for image in description.tables.image for light in image.lights]
     stated = all(light.power_stated for light in tables)

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from matest.direction_error import direction_note
 from matest.errors import InputError
 from matest.estimation.brightness import too_bright
 from matest.estimation.freeing import determined_by_images, widened
@@ -129,6 +130,8 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
     if selection and mistake is None:
         said += sentences(selection, outcome.refined, explained=bool(outcome.diagnosis))
     said += outcome.notes
+    if directions := direction_note(capture.scene, outcome.material):
+        said.append(directions)
     explained = bool(outcome.diagnosis or candidates)
     context = Context(
         samples, specification, solution, posterior, options.precision, said, explained, mistake is not None,

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 _LIT_DEVIATIONS = 3.0
 # Share of the variance of rounding at white that noise has there: that of mid-tones is about a quarter of it.
 _MIDTONE_ROUNDING = 0.25
+# Directions of light of a pixel up to which it counts as one of a tile: tiles of more directions have fewer pixels.
+_FEW_NODES = 16
 # Blocks of pixels along each side of the object. Errors may be correlated within a block; the 16 blocks suffice for a
 # jackknife.
 _BLOCKS_ACROSS = 4
@@ -125,7 +127,8 @@ class LitPixels:
         normals = scene.surface.normals_as(torch.float32).detach()[index]
         positions = scene.near_positions(image, index)
         positions = None if positions is None else positions.detach().float()
-        nodes = (light.to(torch.float32, "cpu").spread(positions, normals)[0] for light in scene.lights[image])
+        view = scene.surface.toward_viewer(index).detach().float()
+        nodes = (light.to(torch.float32, "cpu").directions(positions, normals, view) for light in scene.lights[image])
         for number, toward in enumerate(toward for light in nodes for toward in light.unbind(1)):
             reaches = dot(normals, toward) > 0
             if shadows is not None:
@@ -146,6 +149,11 @@ class LitPixels:
         codes = photographs.stored[image].dtype
         typical = float(rounding(photographs.encoding, codes)[0] * _MIDTONE_ROUNDING)
         return (mean < _LIT_DEVIATIONS * math.hypot(photographs.noise.read, math.sqrt(typical))).all(axis=1)
+
+    @cached_property
+    def crowd(self) -> int:
+        """How many times as many directions of light a pixel has as tiles are made for."""
+        return max(1, *(self.photographs.scene.nodes(image) // _FEW_NODES for image in self.images))
 
     @property
     def skipped(self) -> dict[str, int]:

@@ -12,6 +12,7 @@ from torch import Tensor
 from matest.errors import InputError
 from matest.parameters import Role
 from matest.scene.bits import Bits
+from matest.scene.environment import EnvironmentLight
 from matest.scene.lights import Light
 from matest.scene.points import Points, illuminate
 from matest.scene.surface import Surface
@@ -48,6 +49,15 @@ class Scene:
     def __len__(self) -> int:
         return len(self.lights)
 
+    @property
+    def surrounded(self) -> bool:
+        """Whether any light comes from all around."""
+        return any(isinstance(light, EnvironmentLight) for lights in self.lights for light in lights)
+
+    def nodes(self, image: int) -> int:
+        """How many directions of light an image is shaded with."""
+        return sum(light.nodes for light in self.lights[image])
+
     def optics(self, quantity: Role) -> Tensor | None:
         """The stated wavelength of the channels (µm) or solid angle of the lights (sr); None: not stated.
 
@@ -73,15 +83,19 @@ class Scene:
         def trace(lights: tuple[Light, ...]) -> tuple[tuple[Bits, ...] | None, Bits | None]:
             shadows, edges = [], np.zeros(len(self.surface), dtype=bool)
             for light in lights:
-                of_light = [cast_shadows(self.surface, light, grid, node) for node in range(light.nodes)]
-                traced = [shadow for shadow in of_light if shadow is not None]
-                if not traced:
-                    return None, None
-                for shadow in traced:
-                    edges |= shadow_edges(self.surface, shadow)
+                some, every = np.zeros(len(self.surface), dtype=bool), np.ones(len(self.surface), dtype=bool)
+                for node in range(light.nodes):
+                    shadow = cast_shadows(self.surface, light, grid, node)
+                    if shadow is None:
+                        return None, None
+                    if light.edged(node):
+                        edges |= shadow_edges(self.surface, shadow)
                     shadows.append(Bits.of(shadow))
-                # Some points that stand for a light are hidden and others are not: how many is known to a step.
-                edges |= np.any(traced, axis=0) & ~np.all(traced, axis=0)
+                    some |= shadow
+                    every &= shadow
+                # Some points that stand for a near light are hidden and others are not: how many is known to a step.
+                if light.near:
+                    edges |= some & ~every
             return (tuple(shadows), Bits.of(edges)) if shadows else (None, None)
 
         shadows, edges = zip(*in_threads(trace, self.lights), strict=True)
