@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 
 from matest.bands import Band, bands
 from matest.brdf import Brdf, model, preset
@@ -20,7 +21,9 @@ from matest.capture.description import Description, describe, image_channels, im
 from matest.direction_error import direction_note
 from matest.errors import Fault, InputError, errors_of, refuse
 from matest.estimation.specification import optics, resolve
+from matest.parameters import Role
 from matest.scene import Scene
+from matest.scene.environment import MIRROR_SOLID_ANGLE
 from matest.shading import Material
 from matest.supersampling import PixelMeans
 
@@ -137,8 +140,15 @@ def brdfs_of(material: Material) -> list[Brdf]:
 def _with_optics(material: Material, scene: Scene) -> Material:
     """The material with the wavelengths and solid angles that the scene states."""
     if isinstance(material, Mapping):
-        return {name: brdf.replace(optics(brdf, scene)) for name, brdf in material.items()}
-    return material.replace(optics(material, scene))
+        return {name: _seen(brdf, scene) for name, brdf in material.items()}
+    return _seen(material, scene)
+
+
+def _seen(brdf: Brdf, scene: Scene) -> Brdf:
+    """A model with what the scene states; its mirror-like term sees a map as narrowly as that is looked up."""
+    angles = [name for name, declared in brdf.declared.items() if declared.role is Role.SOLID_ANGLE]
+    mirror = dict.fromkeys(angles if scene.surrounded else (), torch.tensor(MIRROR_SOLID_ANGLE, dtype=torch.float64))
+    return brdf.replace({**optics(brdf, scene, mirror), **mirror})
 
 
 def scene_format(description: Description[schema.SceneFile], material: Material) -> ImageFormat:

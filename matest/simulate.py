@@ -124,7 +124,8 @@ def _outputs_of(file: Path) -> set[Path]:
         return set()
     names = [*_geometry_names(tables), *(image.file for image in tables.image if image.file is not None)]
     geometry = (tables.geometry.mesh, tables.geometry.positions, *(one.mesh for one in tables.object))
-    names += [name for name in geometry if name is not None]
+    maps = (light.environment for image in tables.image for light in image.lights)
+    names += [name for name in (*geometry, *maps) if name is not None]
     camera = tables.camera.file if tables.camera is not None else None
     copied = [] if camera is None else [file.parent / camera, *(file.parent / camera).glob("*")]
     return {*copied, *(file.parent / name for name in names)}

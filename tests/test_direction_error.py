@@ -12,11 +12,11 @@ import torch
 
 import matest
 from matest import load_capture
-from matest.brdf import CookTorrance, Lambert
+from matest.brdf import Brdf, CookTorrance, Lambert
 from matest.direction_error import direction_error, direction_note
 from matest.photographs.images import read_image, write_image
 from matest.scene import DirectionalLight, EnvironmentLight, Scene
-from matest.scene.environment import environment_of
+from matest.scene.environment import MIRROR_SOLID_ANGLE, environment_of
 from matest.scene_file import load_scene
 from matest.shading import render
 from matest.simulate import simulate
@@ -71,6 +71,26 @@ def test_estimates_hold_under_maps_of_light(tmp_path: Path) -> None:
         assert np.max(np.array(parameter.std) / truth) < 0.05
     assert any("directions stand for the map of light" in sentence for sentence in estimate.warnings)
     assert estimate.fit.reduced_chi2 < 1.1
+
+
+def test_a_scene_is_rendered_over_its_earlier_rendering_with_its_map(tmp_path: Path) -> None:
+    file = scene(tmp_path / "scene", "turn = 1.0, directions = 16")
+    first = simulate(file, tmp_path / "capture") / "00.png"
+    before = first.read_bytes()
+    file.write_text(file.read_text("utf-8").replace("turn = 1.0", "turn = 2.0"), "utf-8")
+    simulate(file, tmp_path / "capture")
+    assert first.read_bytes() != before
+    assert (tmp_path / "capture" / "studio.exr").read_bytes() == (tmp_path / "scene" / "studio.exr").read_bytes()
+
+
+def test_a_mirror_is_rendered_under_a_map_and_not_estimated(tmp_path: Path) -> None:
+    mirror = scenes.material("li-torrance(coherent=on)", k_dd=0.9, height_rms=0.05, correlation_length=1.0)
+    simulated = load_scene(scene(tmp_path, "directions = 16", material=mirror))
+    assert isinstance(simulated.material, Brdf)
+    assert float(simulated.material.parameters["solid_angle"]) == MIRROR_SOLID_ANGLE
+    capture = load_capture(simulate(simulated))
+    refused = refusal(lambda: matest.estimate(capture, "li-torrance(coherent=on)"))
+    assert "neither estimated nor predicted there" in refused
 
 
 def test_keys_of_maps_stand_beside_maps(tmp_path: Path) -> None:

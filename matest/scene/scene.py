@@ -62,10 +62,15 @@ class Scene:
         """The stated wavelength of the channels (µm) or solid angle of the lights (sr); None: not stated.
 
         Raises:
-            InputError: lights of different solid angles.
+            InputError: lights of different solid angles, or from all around.
         """
         if quantity is Role.WAVELENGTH:
             return self.wavelength
+        if self.surrounded:
+            raise InputError(
+                "a mirror-like reflection is rendered under a map of light, but neither estimated nor predicted there: "
+                "leave it out of the model, or set --fix solid_angle=SR."
+            )
         angles = {light.solid_angle for lights in self.lights for light in lights}
         if len(angles) > 1:
             stated = ", ".join("none" if angle is None else f"{angle:g}" for angle in sorted(angles, key=str))
