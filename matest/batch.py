@@ -10,6 +10,7 @@ from typing import Literal
 
 import matest
 from matest.capture import load_capture
+from matest.capture.description import object_names
 from matest.errors import BAD_INPUT, NO_MEMORY, WORK_FAILED, InputError, out_of_memory, own_fault
 from matest.estimation.estimate import estimate_with
 from matest.estimation.options import Options
@@ -30,6 +31,7 @@ class Job:
         root: folder that files of the capture may not leave; None: the capture's own.
         command: the command line that the result names as its origin.
         pictures: of the report.
+        object: name of one of several objects that the capture shows; None: it shows one.
     """
 
     capture: Path
@@ -38,6 +40,12 @@ class Job:
     root: Path | None = None
     command: str = ""
     pictures: PictureSize = PictureSize.PREVIEW
+    object: str | None = None
+
+    @property
+    def label(self) -> str:
+        """The capture, and the object in it."""
+        return str(self.capture) if self.object is None else f"{self.capture}: {self.object}"
 
 
 @dataclass(frozen=True)
@@ -76,12 +84,12 @@ def jobs(
     pictures: PictureSize = PictureSize.PREVIEW,
     root: Path | None = None,
 ) -> list[Job]:
-    """One job for each capture, also for one that is named twice.
+    """One job for each capture, also for one that is named twice, and for each object of one that shows several.
 
     Args:
         captures: folders or files.
         out: the result folder of a single capture, the parent folder of the results of several; None: `matest` in
-            the folder of each capture.
+            the folder of each capture. Results of several objects go to folders in it, by their names.
         options: of every estimate.
         command, pictures: see `Job`.
         root: folder that files of the captures may not leave; None: their common one.
@@ -100,7 +108,19 @@ def jobs(
         capture: _folder(capture) / "matest" if out is None else out / name if len(captures) > 1 else out
         for capture, name in zip(captures, names, strict=True)
     }
-    return [Job(capture, place, options, root, command, pictures) for capture, place in places.items()]
+    return [
+        Job(capture, place if name is None else place / name, options, root, command, pictures, name)
+        for capture, place in places.items()
+        for name in _objects(capture)
+    ]
+
+
+def _objects(capture: Path) -> Sequence[str | None]:
+    """Names of the objects of a capture; None for the one without name, or of a capture that cannot be read."""
+    try:
+        return object_names(capture) or [None]
+    except InputError:
+        return [None]
 
 
 def run(job: Job, progress: Progress = silent) -> Outcome:
@@ -111,6 +131,7 @@ def run(job: Job, progress: Progress = silent) -> Outcome:
     try:
         check_destination(job.out, "result.json")
         capture = load_capture(job.capture, transfer=job.options.transfer, root=job.root, progress=progress)
+        capture = capture.object(job.object)
         estimate = estimate_with(capture, job.options, progress)
         provenance = {
             "matest": matest.__version__,
@@ -118,6 +139,7 @@ def run(job: Job, progress: Progress = silent) -> Outcome:
             "capture": _path_from(job.out, job.capture),
             "root": _path_from(job.out, job.root or _folder(job.capture)),
             "inputs": capture.digests(),
+            **({} if job.object is None else {"object": job.object}),
         }
         estimate = replace(estimate, provenance=provenance)
         return Outcome(job, write_result(estimate, capture, job.out, progress, pictures=job.pictures))
@@ -128,7 +150,7 @@ def run(job: Job, progress: Progress = silent) -> Outcome:
     except Exception as error:
         # Whatever it is, other captures are estimated.
         reason = NO_MEMORY if out_of_memory(error) else own_fault(error)
-        return Outcome(job, error=f"{job.capture}: {reason}", failed=True)
+        return Outcome(job, error=f"{job.label}: {reason}", failed=True)
 
 
 def capture_name(capture: Path) -> str:

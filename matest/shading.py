@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -14,7 +14,10 @@ from torch import Tensor
 from matest.brdf import Brdf, Term
 from matest.directions import Directions, above_horizon
 from matest.errors import InputError
-from matest.scene import Points, Scene
+from matest.scene import Points, Scene, Surface
+
+# What a surface is made of: one material, or by name that of each object.
+Material = Brdf | Mapping[str, Brdf]
 
 # Cosines of the table of reflectance under an even sky: linear interpolation between them is exact to 1e-3.
 SKY_COSINES = 33
@@ -26,6 +29,8 @@ _AZIMUTH = 64
 _SKY_SHAPES = 17
 # Pixels that are shaded at once: single precision RGB of one light takes 0.8 MB.
 _TILE = 1 << 16
+# Lights of an image that so many pixels are shaded under at once; under more, as many fewer.
+_FEW_NODES = 16
 
 
 def shade(brdf: Brdf, points: Points) -> Tensor:
@@ -67,11 +72,19 @@ def lit_directions(points: Points) -> Directions:
 
 
 def render(
-    scene: Scene, material: Brdf, *, dtype: torch.dtype = torch.float32, device: torch.device | str = "cpu"
+    scene: Scene, material: Material, *, dtype: torch.dtype = torch.float32, device: torch.device | str = "cpu"
 ) -> Tensor:
     """Radiance images [K, H, W, C] of a scene's surface made of `material`; 0 on the background.
 
     Differentiable in the material (and in lights, normals and positions of the scene that require gradients).
+
+    Args:
+        scene: of one object or several.
+        material: of the surface, or by name of each object.
+        dtype, device: of the computation.
+
+    Raises:
+        InputError: an object without material.
     """
     return torch.stack([render_image(scene, k, material, dtype=dtype, device=device) for k in range(len(scene))])
 
@@ -79,7 +92,7 @@ def render(
 def render_image(
     scene: Scene,
     image: int,
-    material: Brdf,
+    material: Material,
     *,
     dtype: torch.dtype = torch.float32,
     device: torch.device | str = "cpu",
@@ -92,7 +105,7 @@ def render_image(
 def render_pixels(
     scene: Scene,
     image: int,
-    material: Brdf,
+    material: Material,
     index: Tensor,
     *,
     dtype: torch.dtype = torch.float32,
@@ -100,11 +113,35 @@ def render_pixels(
 ) -> Tensor:
     """Radiance [n, C] of some of the surface's N pixels, by their `index` [n], in one of the images of `render`."""
     parts = []
-    for tile in index.split(_TILE):
+    for tile in index.split(max(_TILE // max(scene.nodes(image) // _FEW_NODES, 1), 1)):
         points = scene.points(image, tile, dtype=dtype, device=device)
-        of_tile = at_pixels(material, tile, len(scene.surface))
-        parts.append(shade(of_tile, points).expand(-1, scene.channels))
+        radiance = points.wo.new_zeros(len(tile), scene.channels)
+        for brdf, rows in _materials(scene.surface, material, tile):
+            of_rows = at_pixels(brdf, tile[rows], len(scene.surface))
+            radiance = radiance.index_put((rows,), shade(of_rows, points[rows]).expand(len(rows), scene.channels))
+        parts.append(radiance)
     return torch.cat(parts)
+
+
+def _materials(surface: Surface, material: Material, index: Tensor) -> Iterator[tuple[Brdf, Tensor]]:
+    """Each material of some pixels of a surface [n], and which of them are made of it, as numbers of these.
+
+    Raises:
+        InputError: an object without material.
+    """
+    if not isinstance(material, Mapping):
+        yield material, torch.arange(len(index))
+        return
+    names = () if surface.objects is None else surface.objects.names
+    if {*names} != {*material}:
+        raise InputError(
+            f"materials are given of {', '.join(material) or 'nothing'}, and the objects of the scene are "
+            f"{', '.join(names) or 'one without name'}: give one for each."
+        )
+    assert surface.objects is not None
+    numbers = torch.from_numpy(surface.objects.index)[index]
+    for number in numbers.unique().tolist():
+        yield material[names[number]], (numbers == number).nonzero()[:, 0]
 
 
 def at_pixels(material: Brdf, index: Tensor, count: int) -> Brdf:

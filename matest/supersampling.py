@@ -10,18 +10,19 @@ import numpy as np
 import torch
 
 from matest.bands import Band, bands
-from matest.brdf import Brdf
 from matest.scene import Scene, Surface
 from matest.scene.bits import Bits
-from matest.shading import render_pixels
+from matest.shading import Material, render_pixels
 from matest.workers import in_threads
 
 # Error of the radiance at a mean normal as a share of the second difference between pixels: 1/24 where the surface is
 # smooth, up to 1/8 where it has an edge.
 _CURVATURE_ERROR = 1 / 8
+# Variance of the numbers of objects in a pixel of 16 × 16 rays below which all of them are equal.
+_SAME_OBJECT = 1e-3
 
 
-def radiance_of_rays(scene: Scene, factor: int, image: int, material: Brdf) -> np.ndarray:
+def radiance_of_rays(scene: Scene, factor: int, image: int, material: Material) -> np.ndarray:
     """Radiance [m, C] of the pixels of an image, float64, each the mean over its `factor` × `factor` rays."""
 
     def shade(band: Band) -> np.ndarray:
@@ -40,7 +41,7 @@ class PixelMeans:
         factor: rays per pixel and axis.
         points: the scene whose m points have the mean normals and positions of the rays that each pixel has on the
             surface.
-        whole: whether all rays of a pixel meet the surface [m].
+        whole: whether all rays of a pixel meet the surface, and one object of it [m].
         spread: what the mean of a pixel's unit normals lacks to length 1 [m].
         half_shadowed: per image, whether a light reaches some rays of a pixel only [m].
     """
@@ -76,6 +77,7 @@ class PixelMeans:
             positions=positions,
             rim=np.zeros(len(normals), dtype=bool),
             eye=surface.eye,
+            objects=None if surface.objects is None else surface.objects.take(_first_rays(strips)),
         )
         shares = [
             None if shadows is None else np.stack([mean(np.asarray(shadow)) for shadow in shadows])
@@ -94,12 +96,12 @@ class PixelMeans:
             rays=scene,
             factor=factor,
             points=coarse,
-            whole=coverage == 1,
+            whole=(coverage == 1) & _of_one_object(surface, strips),
             spread=1 - length,
             half_shadowed=tuple(_partial(share, len(normals)) for share in shares),
         )
 
-    def radiance(self, image: int, material: Brdf, tolerance: float, full_scale: float | None = None) -> np.ndarray:
+    def radiance(self, image: int, material: Material, tolerance: float, full_scale: float | None = None) -> np.ndarray:
         """Radiance [m, C] of the pixels of an image, float64.
 
         A pixel is shaded once, at its mean normal, where that differs little from the mean over its rays, judged by the
@@ -132,7 +134,7 @@ class PixelMeans:
         list(in_threads(refine, range(len(strips))))
         return values
 
-    def _mean_of_rays(self, image: int, material: Brdf, band: Band, some: np.ndarray) -> np.ndarray:
+    def _mean_of_rays(self, image: int, material: Material, band: Band, some: np.ndarray) -> np.ndarray:
         """Means over the rays of some of the m covered pixels of a band (boolean [m])."""
         chosen = np.zeros(band.coverage.size, dtype=bool)
         chosen[band.covered] = some
@@ -151,6 +153,23 @@ class PixelMeans:
         return _CURVATURE_ERROR * bend.flat[self.points.surface.pixels] + self.spread * values.max(axis=1)
 
 
+def _first_rays(strips: list[Band]) -> np.ndarray:
+    """The first of the rays that meet the surface in each pixel [m]."""
+    return np.concatenate([band.index.start + np.unique(band.pixels, return_index=True)[1] for band in strips])
+
+
+def _of_one_object(surface: Surface, strips: list[Band]) -> np.ndarray:
+    """Whether all rays of a pixel that meet the surface meet one object [m]."""
+    if surface.objects is None:
+        return np.ones(1, dtype=bool)
+    alike = []
+    for band in strips:
+        index = surface.objects.index[band.index.start : band.index.stop].astype(np.float64)[:, None]
+        mean, square = (band.means(values) / band.coverage.ravel()[band.covered, None] for values in (index, index**2))
+        alike.append((square - mean**2 < _SAME_OBJECT)[:, 0])
+    return np.concatenate(alike)
+
+
 def _partial(share: np.ndarray | None, count: int) -> np.ndarray:
     """Whether a light reaches some rays of a pixel only [m], from the share that is in its shadow [L, m]."""
     if share is None:
@@ -158,7 +177,7 @@ def _partial(share: np.ndarray | None, count: int) -> np.ndarray:
     return np.asarray(((share > 0) & (share < 1)).any(axis=0))
 
 
-def _shaded(scene: Scene, image: int, material: Brdf, index: torch.Tensor) -> np.ndarray:
+def _shaded(scene: Scene, image: int, material: Material, index: torch.Tensor) -> np.ndarray:
     """Radiance [n, C] of some of a surface's pixels in double precision."""
     if not len(index):
         return np.zeros((0, scene.channels))

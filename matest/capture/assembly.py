@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from matest.brdf.curvature import SHARPEST
 from matest.capture import ranges
 from matest.capture.camera_file import with_camera
 from matest.capture.description import Description
+from matest.capture.environment_maps import EnvironmentMaps
 from matest.capture.geometry import check_size, visible_surface
 from matest.capture.light_axes import in_world
 from matest.capture.light_tables import colour, lights_of
@@ -124,7 +124,7 @@ def realise(
     transfer: str | float | None = None,
     supersampling: int = 1,
     precision: Precision = np.float64,
-    curvature: float = SHARPEST,
+    curvature: float | None = None,
 ) -> Setup:
     """Geometry, light and camera of a description.
 
@@ -134,8 +134,8 @@ def realise(
         transfer: overrides `encoding.transfer`: "linear", "srgb" or a gamma.
         supersampling: rays per pixel and axis: the scene has so many times the images' resolution.
         precision: of the surface.
-        curvature: of what the material reflects, by which lights with a size get points that stand for them
-            (`brdf.curvature`).
+        curvature: of what the material reflects, by which lights with a size, and maps, get points that stand for them
+            (`brdf.curvature`); None: it is not known.
 
     Raises:
         InputError: anything about the files that cannot be used, in one sentence.
@@ -143,6 +143,7 @@ def realise(
     description, of_camera = with_camera(description, images.shape)
     description, of_lights = in_world(description)
     tables = description.tables
+    between = "Light that one object sends to another is not modelled; the shadows between them are."
     surface = visible_surface(description, images.shape, supersampling, precision)
     encoding = _encoding(description, images, surface, transfer)
     powers_stated = all(light.power_stated for image in tables.image for light in image.lights)
@@ -155,7 +156,7 @@ def realise(
         saturation_stated=tables.encoding.saturation is not None,
         relative=tables.encoding.radiometry == "relative" or not powers_stated,
         names=description.names,
-        notes=(*of_camera, *of_lights),
+        notes=(*of_camera, *of_lights, *([between] if tables.object else [])),
     )
 
 
@@ -270,7 +271,7 @@ def _frame(path: Path, surface: Surface, encoding: Encoding, channels: int) -> n
     return encoding.signal(pixels, slice(None)) if image.dtype.kind == "u" else pixels
 
 
-def _scene(description: Description, surface: Surface, channels: int, curvature: float) -> Scene:
+def _scene(description: Description, surface: Surface, channels: int, curvature: float | None) -> Scene:
     """Surface, lights and ambient light of every image, with shadows.
 
     Raises:
@@ -278,8 +279,9 @@ def _scene(description: Description, surface: Surface, channels: int, curvature:
     """
     file, camera = description.file, description.tables.camera
     lights, ambient = [], []
+    maps = EnvironmentMaps(description.path, channels, curvature)
     for number, table in enumerate(description.tables.image):
-        lights.append(lights_of(table, surface, channels, curvature, f"{file}: image {number}"))
+        lights.append(lights_of(table, surface, channels, curvature, f"{file}: image {number}", maps))
         ambient.append(colour(table.ambient, channels, f"{file}: image {number}: ambient"))
     wavelength = None
     if camera is not None and camera.wavelength is not None:

@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -88,6 +89,26 @@ class Capture:
     def names(self) -> list[str]:
         """The image files as the capture refers to them."""
         return list(self.photographs.names)
+
+    @cached_property
+    def objects(self) -> dict[str, Capture]:
+        """Of several objects that are seen, each by its name: the same photographs, and no pixel but its own.
+
+        Shadows of the others lie on it; light that the others send to it is not modelled. Empty where there is one.
+        """
+        objects = self.scene.surface.objects
+        return {} if objects is None else {name: self.object(name) for name in objects.seen}
+
+    def object(self, name: str | None = None) -> Capture:
+        """One object of several, by its name; the only one without.
+
+        Raises:
+            InputError: no object of that name is seen, or there are several and none is named.
+        """
+        if name is None and self.scene.surface.objects is None:
+            return self
+        photographs = self.photographs.object(name, self.name)
+        return replace(self, name=f"{self.name}/{name}" if name else self.name, photographs=photographs)
 
     @property
     def circle_uncertainty(self) -> Uncertainty:

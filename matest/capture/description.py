@@ -12,6 +12,7 @@ from matest.capture import schema
 from matest.capture.formats import LAYOUTS, Content, Layout, recognise
 from matest.capture.formats.colmap import model_files
 from matest.capture.formats.folder import is_file
+from matest.capture.objects import object_faults
 from matest.capture.schema import File
 from matest.errors import Fault, InputError, errors_of, refuse
 from matest.photographs.images import read_image
@@ -74,7 +75,19 @@ class Description(Generic[File]):
             "encoding.flat": tables.encoding.flat,
         }
         named = [(key, name) for key, name in values.items() if isinstance(name, str)]
+        named += [(f"object '{one.name}': mesh", one.mesh) for one in tables.object if one.mesh is not None]
+        named += [(f"image {k}: environment", name) for k, name in self.environments]
         return named + [("camera.file", name) for name in self._camera_files]
+
+    @property
+    def environments(self) -> list[tuple[int, str]]:
+        """Numbers of images and the maps of light around them, each file once."""
+        lights = [(k, light.environment) for k, image in enumerate(self.tables.image) for light in image.lights]
+        first: dict[str, int] = {}
+        for number, name in lights:
+            if name is not None:
+                first.setdefault(name, number)
+        return [(number, name) for name, number in first.items()]
 
     @property
     def _camera_files(self) -> list[str]:
@@ -138,6 +151,17 @@ def describe(path: str | Path, kind: type[File], *, root: Path | None = None) ->
     with errors_of(f"{file}: [uncertainty]"):
         uncertainty = Uncertainty.of(tables.uncertainty)
     return Description(file, (root or file.parent).absolute(), tables, uncertainty, layout, content, sources)
+
+
+def object_names(path: str | Path) -> list[str]:
+    """Names of the objects of a capture; none where it shows one without name.
+
+    Raises:
+        InputError: its file cannot be used.
+    """
+    if layout_of(path) is not None:
+        return []
+    return [table.name for table in describe(path, schema.CaptureFile).tables.object]
 
 
 def layout_of(path: str | Path) -> tuple[Layout, tuple[Path, ...]] | None:
@@ -221,7 +245,10 @@ def image_channels(description: Description, lengths: Iterable[int] = ()) -> int
     lights = [light for image in tables.image for light in image.lights]
     colours = [colour for light in lights for colour in (light.irradiance, light.intensity, light.radiance)]
     colours += [*(image.ambient for image in tables.image), tables.camera.wavelength if tables.camera else None]
-    several = ({len(colour) for colour in colours if isinstance(colour, list)} | {*lengths}) - {1}
+    maps = {
+        read_image(description.path(name, f"image {k}: environment")).shape[2] for k, name in description.environments
+    }
+    several = ({len(colour) for colour in colours if isinstance(colour, list)} | {*lengths} | maps) - {1}
     if not several <= {3}:
         raise InputError(
             f"{description.file}: colours must have 3 values (linear RGB) or be one number; got {sorted(several)} "
@@ -234,6 +261,7 @@ def _faults(tables: schema.CaptureFile) -> Iterator[Fault]:
     """Keys that do not go together whatever else the file says."""
     camera, geometry = tables.camera, tables.geometry
     near = camera is not None and camera.kind == "perspective"
+    yield from object_faults(tables)
     flat = geometry.normals is not None and geometry.positions is None and not near
     sentence = "geometry.width goes with normals seen by a distant viewer, and without positions; leave it out."
     yield geometry.width is not None and not flat, sentence

@@ -9,12 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from matest.capture.description import Description
+from matest.capture.objects import objects_mesh
 from matest.capture.schema import CameraTable
 from matest.errors import Fault, InputError, errors_of, refuse
 from matest.photographs.images import full_scale, read_image, read_mask
 from matest.scene.camera import Camera
 from matest.scene.circle import Circle, fit_circle
 from matest.scene.mesh import Mesh
+from matest.scene.objects import Objects
 from matest.scene.sight import Precision
 from matest.scene.surface import Surface, from_mesh, from_normals, from_sphere
 
@@ -59,14 +61,15 @@ def visible_surface(
     """
     tables, file, coverage = description.tables, description.file, None
     kinds = [kind for kind in _SURFACES if getattr(tables.geometry, kind) is not None]
-    if len(kinds) != 1:
+    if len(kinds) != 1 and not tables.object:
         kinds = kinds or ["none"]
         raise InputError(f"{file}: [geometry] needs one of mesh, normals or shape; got {' and '.join(kinds)}.")
     if tables.mask is not None:
         coverage = read_mask(description.path(tables.mask, "mask"))
         check_size(coverage, shape, f"{description.folder / tables.mask}: the mask")
     camera = None if tables.camera is None else camera_of(tables.camera, str(file), factor)
-    return _SURFACES[kinds[0]](_View(description, shape, factor, coverage, camera, precision))
+    view = _View(description, shape, factor, coverage, camera, precision)
+    return _of_objects(view) if tables.object else _SURFACES[kinds[0]](view)
 
 
 def check_size(image: np.ndarray, shape: tuple[int, int], label: str) -> None:
@@ -106,6 +109,30 @@ def _camera_faults(table: CameraTable) -> Iterator[Fault]:
 
 
 def _of_mesh(view: _View) -> Surface:
+    camera = _needed_camera(view)
+    path = view.description.path(view.description.tables.geometry.mesh or "", "geometry.mesh")
+    mesh = Mesh.load(path)
+    with errors_of(path):
+        return from_mesh(mesh, camera, view.fine_shape, view.mask, view.precision)
+
+
+def _of_objects(view: _View) -> Surface:
+    camera, description = _needed_camera(view), view.description
+    tables = description.tables.object
+    mesh, object_of_face = objects_mesh(tables, description.path)
+    with errors_of(description.file):
+        surface = from_mesh(mesh, camera, view.fine_shape, view.mask, view.precision)
+    objects = Objects(tuple(table.name for table in tables), object_of_face[surface.faces])
+    rim = surface.rim | objects.borders(surface.shape, surface.pixels)
+    return replace(surface, objects=objects, rim=rim)
+
+
+def _needed_camera(view: _View) -> Camera:
+    """The camera that a mesh needs.
+
+    Raises:
+        InputError: there is none.
+    """
     camera, description = view.camera, view.description
     if camera is None or (camera.orthographic and camera.height is None):
         place = ""
@@ -118,10 +145,7 @@ def _of_mesh(view: _View) -> Surface:
             f"{description.file}: a mesh needs a [camera] with position, target and height (orthographic), fov_y or "
             f"matrix{place}."
         )
-    path = description.path(description.tables.geometry.mesh or "", "geometry.mesh")
-    mesh = Mesh.load(path)
-    with errors_of(path):
-        return from_mesh(mesh, camera, view.fine_shape, view.mask, view.precision)
+    return camera
 
 
 def _of_normals(view: _View) -> Surface:

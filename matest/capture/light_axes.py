@@ -32,14 +32,15 @@ def in_world(description: Description[File]) -> tuple[Description[File], tuple[s
     if tables.light_axes == "world":
         return description, ()
     refuse(description.file, _faults(description))
-    if tables.camera is None or tables.geometry.mesh is None:
+    if tables.camera is None or (tables.geometry.mesh is None and not tables.object):
         # Normal maps and spheres lie in the axes of the camera.
         return description, ()
     # Rows: right, up and backward.
     axes = camera_of(tables.camera, str(description.file)).axes()
 
     def turned(light: LightTable) -> LightTable:
-        assert light.direction is not None
+        if light.direction is None:
+            return light  # a map of light, which is turned about the world's y
         x, y, z = (np.array(light.direction) @ axes).tolist()
         return msgspec.structs.replace(light, direction=(x, y, z))
 
@@ -49,7 +50,7 @@ def in_world(description: Description[File]) -> tuple[Description[File], tuple[s
 
 def _faults(description: Description) -> Iterator[Fault]:
     for number, image in enumerate(description.tables.image):
-        near = any(light.direction is None for light in image.lights)
+        near = any(light.position is not None for light in image.lights)
         yield (
             near,
             f"image {number} has a light with a position, which is stated in world units and axes, and light_axes = "

@@ -9,6 +9,8 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
+from matest.brdf.curvature import SHARPEST
+from matest.capture.environment_maps import EnvironmentMaps
 from matest.capture.schema import ImageTable, LightTable
 from matest.errors import Fault, InputError, refuse
 from matest.photographs.images import LARGEST
@@ -24,26 +26,29 @@ _UPRIGHT = 0.99
 _LEAST_SINE = 1e-3
 
 
-def lights_of(table: ImageTable, surface: Surface, channels: int, curvature: float, label: str) -> tuple[Light, ...]:
+def lights_of(
+    table: ImageTable, surface: Surface, channels: int, curvature: float | None, label: str, maps: EnvironmentMaps
+) -> tuple[Light, ...]:
     """The lights of an image, with as many points for their sizes as the surface needs.
 
     Args:
         table: of the image.
         surface: that they shine on.
         channels: of the images.
-        curvature: of what its material reflects, 1/rad².
+        curvature: of what its material reflects, 1/rad²; None: it is not known.
         label: of the image, for refusals.
+        maps: makes the lights that are maps.
 
     Raises:
         InputError: a light that makes no sense, or a near one without positions.
     """
-    lights = tuple(_light(light, channels, f"{label}, light {k}") for k, light in enumerate(table.lights))
+    lights = tuple(_light(light, channels, f"{label}, light {k}", maps) for k, light in enumerate(table.lights))
     if surface.positions is None and any(light.near for light in lights):
         raise InputError(
             f"{label}: a light with a position needs the surface's positions; give a mesh, or positions beside the "
             "normal map."
         )
-    return tuple(_resolved(light, surface, curvature) for light in lights)
+    return tuple(_resolved(light, surface, SHARPEST if curvature is None else curvature) for light in lights)
 
 
 def _resolved(light: Light, surface: Surface, curvature: float) -> Light:
@@ -54,8 +59,10 @@ def _resolved(light: Light, surface: Surface, curvature: float) -> Light:
     return replace(light, source=light.source.for_curvature(curvature, nearest))
 
 
-def _light(table: LightTable, channels: int, label: str) -> Light:
+def _light(table: LightTable, channels: int, label: str, maps: EnvironmentMaps) -> Light:
     refuse(label, _light_faults(table))
+    if table.environment is not None:
+        return maps.light(table, label)
     source = None if table.size is None else _source(table, label)
     if table.radiance is not None and source is not None:
         power = colour(table.radiance, channels, f"{label}: radiance") * source.area
@@ -95,7 +102,15 @@ def _source(table: LightTable, label: str) -> Source:
 
 def _light_faults(table: LightTable) -> Iterator[Fault]:
     distant, near, angle = table.direction is not None, table.position is not None, table.solid_angle
-    yield distant == near, "needs either direction (a distant light) or position (a near one)."
+    around = ("environment", "scale", "turn", "directions")
+    if table.environment is not None:
+        beside = [key for key in table.__struct_fields__ if key not in around and getattr(table, key) is not None]
+        yield bool(beside), f"an environment has scale, turn and directions beside it; leave out {', '.join(beside)}."
+        return
+    for key in around[1:]:
+        yield getattr(table, key) is not None, f"{key} goes with environment, the file of a map of light."
+    sentence = "needs one of direction (a distant light), position (a near one) and environment (a map of all around)."
+    yield distant == near, sentence
     wrong_power = (table.intensity if distant else table.irradiance) is not None
     yield wrong_power, "a light with direction has irradiance, one with position has intensity."
     possible = angle is None or 0 < angle <= 4 * math.pi

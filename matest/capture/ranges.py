@@ -55,6 +55,8 @@ POWER = Range(f"must be one number or one per channel, not negative and below {L
 WAVELENGTH = Range("is in µm (green is 0.55)", 0.1, 20)
 # Beyond the exponent 1000 the half width at half maximum of a beam is below 2°.
 ANISOTROPY = Range("must lie between 0 and 1000 (1: Lambertian)", 0, 1000, ends=(True, True))
+# Every pixel is shaded once for each of them.
+DIRECTIONS = Range("must be 16 to 65536 directions", 16, 65536, ends=(True, True))
 # Whole numbers: seeds that a generator takes.
 SEED = Range("must lie between 0 and 2⁶³", 0, 2**63, ends=(True, False))
 # Sides of images that do not exist yet, pixels: a typo must not fill the memory.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -11,9 +12,11 @@ import msgspec
 
 from matest.capture import ranges
 from matest.capture.ranges import range_faults
-from matest.errors import InputError, nearest, refuse
+from matest.errors import Fault, InputError, nearest, refuse
 
 Vector = tuple[float, float, float]
+_Row = tuple[float, float, float, float]
+Transform = tuple[_Row, _Row, _Row, _Row]
 _Power = Annotated[float | list[float], ranges.POWER]
 
 
@@ -31,6 +34,18 @@ class GeometryTable(_Table):
     shape: Literal["sphere"] | None = None
     centre: tuple[float, float] | None = None
     radius: Annotated[float, ranges.PIXELS] | None = None
+
+
+class ObjectTable(_Table):
+    """One of several objects before the camera."""
+
+    name: str
+    mesh: str | None = None
+    transform: Transform | None = None  # of a mesh, from its own coordinates to the world's
+    shape: Literal["sphere"] | None = None
+    position: Vector | None = None  # of the centre of a sphere, or of the origin of a mesh
+    radius: Annotated[float, ranges.WORLD_UNITS] | None = None
+    material: dict[str, Any] | None = None  # scenes
 
 
 class CameraTable(_Table):
@@ -76,11 +91,15 @@ class LightTable(_Table):
     anisotropy: Annotated[float, ranges.ANISOTROPY] | None = None
     size: float | tuple[float, float] | None = None  # diameter of a disc, or width and height of a rectangle
     up: Vector | None = None  # along the height of a rectangle
+    environment: str | None = None  # a map of radiance in latitude and longitude, instead of all above
+    scale: Annotated[float, ranges.POSITIVE] | None = None  # of that radiance
+    turn: float | None = None  # of that map about y, rad
+    directions: Annotated[int, ranges.DIRECTIONS] | None = None  # that stand for it
 
     @property
     def power_stated(self) -> bool:
         """Whether a key gives the strength of the light."""
-        return any(value is not None for value in (self.irradiance, self.intensity, self.radiance))
+        return any(value is not None for value in (self.irradiance, self.intensity, self.radiance, self.environment))
 
 
 class ImageTable(_Table):
@@ -95,8 +114,9 @@ class ImageTable(_Table):
 class CaptureFile(_Table, kw_only=True):
     """`capture.toml`."""
 
-    geometry: GeometryTable
     image: list[ImageTable]
+    geometry: GeometryTable = msgspec.field(default_factory=GeometryTable)
+    object: list[ObjectTable] = []  # several objects, instead of one in [geometry]
     mask: str | None = None
     light_axes: Literal["world", "camera"] = "world"  # of the directions of lights
     camera: CameraTable | None = None
@@ -106,9 +126,9 @@ class CaptureFile(_Table, kw_only=True):
 
 
 class SceneFile(CaptureFile, kw_only=True):
-    """A capture file with a `[material]` table: what `matest render` turns into a capture."""
+    """A capture file with a `[material]`, or one for each object: what `matest render` turns into a capture."""
 
-    material: dict[str, Any]
+    material: dict[str, Any] | None = None
 
 
 File = TypeVar("File", bound=CaptureFile)
@@ -141,14 +161,29 @@ def read(path: Path, kind: type[File]) -> File:
         raise InputError(f"{path}: {where} a whole number of thousands of digits; correct it.") from None
     except RecursionError:
         raise InputError(f"{path}: expected a TOML file of a capture; its values are nested too deeply.") from None
-    if "material" in table and kind is CaptureFile:
+    if kind is CaptureFile and has_material(table):
         raise InputError(f"{path}: this is a scene, not a capture; make photographs of it with 'matest render'.")
     try:
         tables = msgspec.convert(table, kind)
     except msgspec.ValidationError as error:
         raise InputError(f"{path}: {_explain(str(error), kind)}") from None
+    refuse(path, _absent(table, kind))
     check_ranges(tables, path)
     return tables
+
+
+def _absent(table: dict[str, Any], kind: type) -> Iterator[Fault]:
+    """Tables that a file of one object needs."""
+    alone = not table.get("object")
+    for key in ("geometry", *(["material"] if issubclass(kind, SceneFile) else [])):
+        yield alone and key not in table, f"the key '{key}' is missing; add it."
+
+
+def has_material(table: dict[str, Any]) -> bool:
+    """Whether the content of a file is that of a scene: it or one of its objects has a material."""
+    objects = table.get("object")
+    parts = [table, *(part for part in (objects if isinstance(objects, list) else []) if isinstance(part, dict))]
+    return any("material" in part for part in parts)
 
 
 def check_ranges(tables: CaptureFile, label: object) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from matest.capture.description import Description
 from matest.photographs.photographs import Photographs
-from matest.scene import PointLight
+from matest.scene import EnvironmentLight, PointLight
 
 _TRANSFERS = {"linear": "linear", "srgb": "sRGB"}
 # Full scale of floats.
@@ -38,6 +38,9 @@ def _source(description: Description) -> str:
 
 def _shape(description: Description, photographs: Photographs) -> str:
     geometry, surface = description.tables.geometry, photographs.scene.surface
+    if surface.objects is not None:
+        counts = (f"{name} ({surface.objects.pixels_of(k).sum():,})" for k, name in enumerate(surface.objects.names))
+        return f"pixels of {len(surface.objects.names)} objects: {', '.join(counts)}"
     shape = f"normal map {geometry.normals}" if geometry.normals else f"mesh {geometry.mesh}"
     if geometry.shape is not None:
         place = "the file states" if surface.circle is None else "is fitted to the mask"
@@ -50,7 +53,7 @@ def _axes(description: Description) -> str:
     if description.content is not None:
         turned = "; turned into those of the mesh" if description.tables.light_axes == "camera" else ""
         return description.content.axes + turned
-    if description.tables.geometry.mesh is None:
+    if description.tables.geometry.mesh is None and not description.tables.object:
         return "x right, y up, z toward the viewer"
     camera = description.tables.camera
     if camera is None:
@@ -74,13 +77,14 @@ def _units(description: Description, photographs: Photographs) -> str:
         return f"the image is {geometry.width:g} wide and lies in the plane z = 0, the origin at its centre"
     if photographs.scene.surface.positions is None:
         return "none: directions only"
-    return "those of the mesh" if geometry.mesh else f"those of {geometry.positions}"
+    return "those of the mesh" if geometry.mesh or description.tables.object else f"those of {geometry.positions}"
 
 
 def _lights(description: Description, photographs: Photographs) -> str:
     lights = [light for some in photographs.scene.lights for light in some]
     near = sum(isinstance(light, PointLight) for light in lights)
-    kinds = [(len(lights) - near, "distant"), (near, "near")]
+    around = sum(isinstance(light, EnvironmentLight) for light in lights)
+    kinds = [(len(lights) - near - around, "distant"), (near, "near"), (around, "environment")]
     counted = " and ".join(f"{count} {kind}" for count, kind in kinds if count) or "no"
     tables = [light for image in description.tables.image for light in image.lights]
     stated = all(light.power_stated for light in tables)

@@ -54,6 +54,11 @@ def load_viewpoint(path: str | Path, shape: tuple[int, int], *, root: Path | Non
             f"{description.file}: the object's shape is a normal map, which has no back and no texture coordinates; "
             "textures need a mesh in [geometry]."
         )
+    if description.tables.object:
+        raise InputError(
+            f"{description.file}: shows several objects, and textures are made of one in [geometry] only; export the "
+            "material without maps."
+        )
     surface = visible_surface(description, shape, precision=np.float32)
     files = (*description.sources, *(description.path(name, key) for key, name in description.references))
     if surface.mesh is None:

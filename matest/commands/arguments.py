@@ -60,6 +60,9 @@ Pictures = Annotated[
 AllowOutside = Annotated[
     bool, typer.Option("--allow-outside", help="Read files outside the captures' folder that they refer to or link.")
 ]
+Object = Annotated[
+    str | None, typer.Option("--object", metavar="NAME", help="One of several objects.", show_default=False)
+]
 Out = Annotated[Path | None, typer.Option("-o", "--out", help="Where to write.", show_default=False)]
 
 

@@ -44,6 +44,7 @@ def check(
     ] = None,
     transfer: arguments.Transfer = None,
     uncertainty: arguments.UncertaintyOf = None,
+    name: arguments.Object = None,
     allow_outside: arguments.AllowOutside = False,
     as_json: arguments.Json = False,
 ) -> None:
@@ -61,7 +62,7 @@ def check(
     camera_noise = None if noise is None else arguments.noise(noise)
     with progress(str(capture)) as say:
         root = arguments.root(capture, allow_outside)
-        plan = identifiability.load_plan(capture, transfer=options.transfer, root=root, progress=say)
+        plan = identifiability.load_plan(capture, transfer=options.transfer, root=root, name=name, progress=say)
         plan = plan if camera_noise is None else plan.with_noise(*camera_noise)
         prediction = identifiability.check_with(plan, options, assumed, say)
     if as_json:

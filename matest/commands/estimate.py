@@ -68,7 +68,7 @@ def estimate(
     """Estimate the material of photographed objects, with error bars.
 
     The result goes to CAPTURE/matest (or OUT; with several captures OUT/<capture name>/ each): result.json,
-    material.json, report.html, profile.csv and pictures.
+    material.json, report.html, profile.csv and pictures. Each of several objects has a folder there by its name.
     """
     from matest import batch
     from matest.capture.description import capture_sources
@@ -95,7 +95,7 @@ def estimate(
         capture_sources(captures[0])
     outcomes = []
     for job in jobs:
-        with progress(str(job.capture)) as say:
+        with progress(job.label) as say:
             outcomes.append(batch.run(job, say))
     if len(outcomes) == 1 and (error := outcomes[0].error):
         raise WorkError(error) if outcomes[0].failed else InputError(error)
@@ -109,7 +109,7 @@ def estimate(
 
 def _print_as_json(outcomes: Sequence[Outcome]) -> None:
     plain = {
-        str(outcome.job.capture): outcome.estimate.to_dict() if outcome.estimate else {"error": outcome.error}
+        outcome.job.label: outcome.estimate.to_dict() if outcome.estimate else {"error": outcome.error}
         for outcome in outcomes
     }
     print_json(next(iter(plain.values())) if len(plain) == 1 else plain)
@@ -127,6 +127,4 @@ def _print_tables(outcomes: Sequence[Outcome]) -> None:
             terminal.print(estimate_table(outcome.estimate))
             terminal.print(f"Result in {place} (open {place / 'report.html'})", soft_wrap=True)
     if len(outcomes) > 1:
-        terminal.print(
-            summary_table({str(outcome.job.capture): outcome.estimate or outcome.error for outcome in outcomes})
-        )
+        terminal.print(summary_table({outcome.job.label: outcome.estimate or outcome.error for outcome in outcomes}))

@@ -28,6 +28,7 @@ def predict(
     out: arguments.Out = None,
     transfer: arguments.Transfer = None,
     pictures: arguments.Pictures = PictureSize.PREVIEW,
+    name: arguments.Object = None,
     allow_outside: arguments.AllowOutside = False,
     as_json: arguments.Json = False,
 ) -> None:
@@ -35,7 +36,7 @@ def predict(
 
     Prints the error against each photograph; writes linear radiance (NN.exr), pictures and prediction.json to OUT
     (default: RESULT-predict-<capture name>). Where the result has maps and the capture shows the object from the same
-    view, every pixel has its own values.
+    view, every pixel has its own values. Of several objects that is shaded which has the name of the result's.
     """
     from matest.batch import capture_name
     from matest.estimation.prediction import prediction_errors
@@ -55,6 +56,7 @@ def predict(
             root=arguments.root(capture, allow_outside),
             progress=say,
         )
+        photographs = photographs.object(name or _object(folder, photographs))
         material, maps = _with_maps(material, result, photographs)
         say("shading")
         errors = prediction_errors(photographs, material)
@@ -76,6 +78,16 @@ def predict(
     from matest.report.tables import prediction_table
 
     console().print(prediction_table(errors, photographs.names), *_shaded_as(maps), f"Written to {place}", sep="\n")
+
+
+def _object(result: Path, capture: Capture) -> str | None:
+    """The object that a result is of, if a capture shows several and one of that name."""
+    from matest.estimation.result import read_result
+
+    if not capture.objects:
+        return None
+    name = read_result(result)["provenance"].get("object")
+    return name if name in capture.objects else None
 
 
 def _with_maps(material: Brdf, result: Path, capture: Capture) -> tuple[Brdf, dict[str, ParameterMap]]:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from matest.commands import arguments
-from matest.commands.console import print_json, progress
+from matest.commands.console import note, print_json, progress
 
 EXAMPLE = "matest render renders/vase/scene.toml -o vase-capture"
 
@@ -20,13 +20,18 @@ def render(
 ) -> None:
     """Render a scene to a capture.
 
-    Writes images, mask, normals and capture.toml to OUT (default: the scene's folder).
+    Writes images, mask, normals, capture.toml, and of several objects which each pixel shows, to OUT (default: the
+    scene's folder).
     """
+    from matest.scene_file import load_scene
     from matest.simulate import simulate
 
     with progress(str(scene)) as say:
-        folder = simulate(scene, out, say)
+        simulated = load_scene(scene)
+        folder = simulate(simulated, out, say)
     if as_json:
-        print_json({"out": str(folder)})
+        print_json({"out": str(folder), "notes": simulated.notes})
     else:
+        for sentence in simulated.notes:
+            note(sentence)
         typer.echo(f"Written to {folder}")

@@ -9,6 +9,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from matest.direction_error import direction_note
 from matest.errors import InputError
 from matest.estimation.brightness import too_bright
 from matest.estimation.freeing import determined_by_images, widened
@@ -57,7 +58,7 @@ def estimate(
     """The material of a capture with its error bars.
 
     Args:
-        capture: from `load_capture`.
+        capture: from `load_capture`; of several objects one of its `objects`.
         model: an expression such as "oren-nayar+torrance-sparrow", or "auto".
         fix: values of parameters that are not estimated, by name or path.
         free: parameters to estimate although they are held by default (`f0`).
@@ -78,7 +79,7 @@ def estimate(
         progress: called with a word on what is being done.
 
     Raises:
-        InputError: unknown names, impossible constraints, no usable pixel.
+        InputError: unknown names, impossible constraints, no usable pixel, several objects.
         TypeError: samples instead of a capture.
     """
     if isinstance(capture, Samples):
@@ -101,6 +102,7 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         InputError: see `estimate`.
     """
     clock = time.perf_counter()
+    capture = capture.object()
     samples = _samples(capture, options)
     if samples.account.redundancy.channels:
         fix = {name: _of_one_channel(value, capture.channels) for name, value in options.fix.items()}
@@ -136,6 +138,8 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
             f"The model was chosen with one value of {', '.join(options.maps)} for all pixels: that takes what differs "
             f"between them for its own. Maps choose it from {FEWEST_IMAGES} photographs on; --model names another."
         )
+    if directions := direction_note(capture.scene, outcome.material):
+        said.append(directions)
     explained = bool(outcome.diagnosis or candidates)
     context = Context(
         samples, specification, solution, posterior, options.precision, said, explained, mistake is not None,

@@ -116,7 +116,7 @@ def check(
             to estimate, a parameter that cannot have a map, a model that cannot be estimated under lights of unknown
             strength.
     """
-    plan = Plan.of(plan) if isinstance(plan, Capture) else plan
+    plan = Plan.of(plan.object()) if isinstance(plan, Capture) else plan
     plan = plan if noise is None else plan.with_noise(*noise)
     stated = as_uncertainty(uncertainty)
     options = Options(model=model, fix=fix or {}, free=free, tie=tie or {}, uncertainty=stated, maps=maps)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -22,8 +23,9 @@ from matest.photographs.sensor import Sensor
 from matest.progress import Progress, silent
 from matest.samples.uncertainty import Uncertainty
 from matest.scene import Scene
-from matest.shading import render_image
-from matest.simulate import material_of, scene_format, stored_pixels
+from matest.scene_file import material_in, scene_format
+from matest.shading import Material, render_image
+from matest.simulate import stored_pixels
 
 # A camera of 10,000 electrons full well and 10 electrons read noise.
 TYPICAL = Noise(read=1e-3, gain=1e-4)
@@ -93,6 +95,7 @@ def load_plan(
     *,
     transfer: str | float | None = None,
     root: Path | None = None,
+    name: str | None = None,
     progress: Progress = silent,
 ) -> Plan:
     """Read what is to be checked: a capture with or without its photographs, or a scene.
@@ -101,25 +104,27 @@ def load_plan(
         path: a folder with a `capture.toml` or else a `scene.toml`, or one of these files.
         transfer: overrides `encoding.transfer`.
         root: folder that file references may not leave (default: that of the file).
+        name: of one of several objects.
         progress: called with a word, the number of images decoded and their total.
 
     Raises:
-        InputError: anything about the files that cannot be used; only some of the photographs exist.
+        InputError: anything about the files that cannot be used; only some of the photographs exist; several objects
+            and none, or no such, is named.
     """
     path = Path(path)
     is_scene = (path / "scene.toml").is_file() and not (path / "capture.toml").is_file()
     file = capture_file(path, "scene.toml") if is_scene else capture_sources(path)[0]
     if is_scene or _has_material(file):
         simulated = describe(file, schema.SceneFile, root=root)
-        material = material_of(simulated.tables.material, str(file))
-        return _planned(simulated, scene_format(simulated, material), transfer, material)
+        material = material_in(simulated)
+        return _planned(simulated, scene_format(simulated, material), transfer, material, name)
     description = describe(file, schema.CaptureFile, root=root)
     files = [table.file for table in description.tables.image]
     if any(name and (description.folder / name).is_file() for name in files):
-        return Plan.of(load_capture(file, transfer=transfer, root=root, progress=progress))
+        return Plan.of(load_capture(file, transfer=transfer, root=root, progress=progress).object(name))
     dtype = np.dtype(_PIXEL_TYPES.get(Path(files[0] or "").suffix.lower(), np.uint16))
     images = ImageFormat(image_shape(description), image_channels(description), dtype)
-    return _planned(description, images, transfer, None)
+    return _planned(description, images, transfer, None, name)
 
 
 def photographs_of(material: Brdf, photographs: Photographs) -> Photographs:
@@ -150,9 +155,13 @@ def _radiance(scene: Scene, image: int, material: Brdf) -> np.ndarray:
 
 
 def _planned(
-    description: Description, images: ImageFormat, transfer: str | float | None, material: Brdf | None
+    description: Description,
+    images: ImageFormat,
+    transfer: str | float | None,
+    material: Material | None,
+    name: str | None,
 ) -> Plan:
-    """A plan of photographs that do not exist."""
+    """A plan of photographs that do not exist, of the object of that name where there are several."""
     table = description.tables.encoding
     setup = realise(description, images, transfer=transfer or table.transfer or "linear")
     pixels = np.zeros((len(setup.scene.surface), images.channels), images.dtype)
@@ -160,6 +169,10 @@ def _planned(
     noise = stated_noise or TYPICAL
     photographs = setup.photographs((pixels,) * len(setup.exposures), Sensor(setup.encoding, noise))
     exposed = table.scale is not None or images.dtype.kind == "f"
+    conventions = understood(description, photographs)
+    photographs = photographs.object(name, description.name)
+    if isinstance(material, Mapping):
+        material = material[name] if name is not None else next(iter(material.values()))
     source = "as the file states it" if stated_noise else "that of a typical camera, as none is stated"
     plan = Plan(
         description.name,
@@ -167,7 +180,7 @@ def _planned(
         material,
         exposed,
         uncertainty=description.uncertainty,
-        understood=understood(description, photographs),
+        understood=conventions,
     )
     return plan.with_noise(noise.read, noise.gain, source)
 
@@ -175,6 +188,6 @@ def _planned(
 def _has_material(file: Path) -> bool:
     """Whether a file is a scene; the reader of captures refuses a file that is no TOML."""
     try:
-        return "material" in tomllib.loads(file.read_text("utf-8"))
+        return schema.has_material(tomllib.loads(file.read_text("utf-8")))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
         return False

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
+from matest.errors import InputError
 from matest.photographs import storage
 from matest.photographs.codes import Clipping
 from matest.photographs.noise import Noise
@@ -51,6 +52,34 @@ class Photographs:
     @property
     def channels(self) -> int:
         return self.stored[0].shape[1]
+
+    def take(self, selection: np.ndarray) -> Photographs:
+        """The same photographs of some of the object's pixels (boolean [N]), in the shadows of all of them."""
+        return replace(
+            self,
+            scene=self.scene.take(selection),
+            stored=tuple(pixels[selection] for pixels in self.stored),
+            encoding=self.encoding.take(selection),
+        )
+
+    def object(self, name: str | None, label: str) -> Photographs:
+        """The photographs of one object of several, in the shadows of all; themselves where they show one without name.
+
+        Args:
+            name: of the object; None: the only one.
+            label: of the capture, begins a refusal.
+
+        Raises:
+            InputError: see `Objects.number`.
+        """
+        objects = self.scene.surface.objects
+        if objects is None:
+            if name is not None:
+                raise InputError(f"{label}: shows one object, which has no name; leave out '{name}'.")
+            return self
+        alone = self.take(objects.pixels_of(objects.number(name, label)))
+        surface = replace(alone.scene.surface, objects=None)
+        return replace(alone, scene=replace(alone.scene, surface=surface))
 
     def radiance(self, image: int, index: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Measured radiance [n, C] of object pixels, float32."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -32,6 +32,11 @@ class Encoding:
     flat: np.ndarray | None = None
     saturation: float | tuple[float, ...] | None = None
     step: float = 1.0
+
+    def take(self, selection: np.ndarray) -> Encoding:
+        """The encoding of some of the object's pixels (boolean [N])."""
+        black = self.black if isinstance(self.black, float) else self.black[selection]
+        return replace(self, black=black, flat=None if self.flat is None else self.flat[selection])
 
     def linear(self, fraction: np.ndarray) -> np.ndarray:
         """Undo the transfer function on values as fractions of full scale."""

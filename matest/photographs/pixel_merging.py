@@ -161,7 +161,8 @@ class PixelMerger:
         small, large = self.squares.small.shape[1], self.squares.large.shape[1]
         saved_by_large = large * (LARGE_SIDE**2 - LARGE.size)
         saved_by_small = (small - SMALL_PER_LARGE * large) * (SMALL_PIXELS - SMALL.size)
-        return max(1, round((self.pixels.counts[position] - (saved_by_large + saved_by_small)) / _TILE_SAMPLES))
+        samples = (self.pixels.counts[position] - (saved_by_large + saved_by_small)) * self.pixels.crowd
+        return max(1, round(samples / _TILE_SAMPLES))
 
     def tile(self, position: int, part: int) -> Tile:
         """One of the tiles of an image: samples of large squares, then of small squares, then single pixels."""

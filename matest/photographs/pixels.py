@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -18,7 +18,7 @@ from matest.photographs.photometry import as_tensor
 from matest.samples.batch import Batch
 from matest.samples.likelihood import Limits, MeasurementNoise, Readout
 from matest.samples.redundancy import Redundancy
-from matest.scene import Points
+from matest.scene import Light, Points
 from matest.workers import in_threads
 
 if TYPE_CHECKING:
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 _LIT_DEVIATIONS = 3.0
 # Share of the variance of rounding at white that noise has there: that of mid-tones is about a quarter of it.
 _MIDTONE_ROUNDING = 0.25
+# Directions of light of a pixel up to which it counts as one of a tile: tiles of more directions have fewer pixels.
+_FEW_NODES = 16
 # Blocks of pixels along each side of the object. Errors may be correlated within a block; the 16 blocks suffice for a
 # jackknife.
 _BLOCKS_ACROSS = 4
@@ -125,8 +127,10 @@ class LitPixels:
         normals = scene.surface.normals_as(torch.float32).detach()[index]
         positions = scene.near_positions(image, index)
         positions = None if positions is None else positions.detach().float()
-        nodes = (light.to(torch.float32, "cpu").spread(positions, normals)[0] for light in scene.lights[image])
-        for number, toward in enumerate(toward for light in nodes for toward in light.unbind(1)):
+        view = scene.surface.toward_viewer(index).detach().float()
+        lights = [light.to(torch.float32, "cpu") for light in scene.lights[image]]
+        nodes = (toward for light in lights for toward in _one_by_one(light, positions, normals, view))
+        for number, toward in enumerate(nodes):
             reaches = dot(normals, toward) > 0
             if shadows is not None:
                 reaches &= torch.from_numpy(~shadows[number][index])
@@ -146,6 +150,11 @@ class LitPixels:
         codes = photographs.stored[image].dtype
         typical = float(rounding(photographs.encoding, codes)[0] * _MIDTONE_ROUNDING)
         return (mean < _LIT_DEVIATIONS * math.hypot(photographs.noise.read, math.sqrt(typical))).all(axis=1)
+
+    @cached_property
+    def crowd(self) -> int:
+        """How many times as many directions of light a pixel has as tiles are made for."""
+        return max([1, *(self.photographs.scene.nodes(image) // _FEW_NODES for image in self.images)])
 
     @property
     def skipped(self) -> dict[str, int]:
@@ -240,6 +249,13 @@ class LitPixels:
         surface = self.photographs.scene.surface
         rows, columns = np.divmod(surface.pixels, surface.shape[1])
         return (_cell(rows) * _BLOCKS_ACROSS + _cell(columns)).astype(np.uint8)
+
+
+def _one_by_one(light: Light, positions: Tensor | None, normals: Tensor, view: Tensor) -> Iterable[Tensor]:
+    """Unit vectors to each node of a light [1 or n, 3], not to all at once where there are hundreds of them."""
+    if light.near:
+        return light.directions(positions, normals, view).unbind(1)
+    return (light.toward(node, positions, normals, view) for node in range(light.nodes))
 
 
 def _cell(coordinate: np.ndarray) -> np.ndarray:

@@ -62,9 +62,10 @@ class PhotographSamples(LitPixels):
 
     @property
     def _one_light_each(self) -> bool:
-        """Whether every photograph has one light, and no light of the sky."""
+        """Whether every photograph has one light, which comes from one direction."""
         scene = self.photographs.scene
-        return not bool((scene.ambient > 0).any()) and all(len(lights) == 1 for lights in scene.lights)
+        around = scene.surrounded or bool((scene.ambient > 0).any())
+        return not around and all(len(lights) == 1 for lights in scene.lights)
 
     @property
     def calibration_names(self) -> list[str]:
@@ -76,6 +77,9 @@ class PhotographSamples(LitPixels):
             idle.add("curve")
         if not any(scene.lights[image] for image in self.images):
             idle |= {"direction", "rotation", "intensity", "ambient"}
+        # A map of light is turned and scaled as a whole.
+        if scene.surrounded:
+            idle |= {"direction", "intensity"}
         return [name for name in NUISANCES if name not in idle]
 
     def calibration(self, names: Sequence[str]) -> PhotographCalibration:

@@ -34,7 +34,7 @@ class TexelTiles:
 
     def __iter__(self) -> Iterator[list[Callable[[], TexelTile]]]:
         total, images = len(self.pixels.photographs.scene.surface), len(self.pixels.images)
-        size = max(_TILE_SAMPLES // max(images, 1), 1)
+        size = max(_TILE_SAMPLES // max(images * self.pixels.crowd, 1), 1)
         starts = range(0, total, size)
         for first in range(0, len(starts), processors()):
             some = starts[first : first + processors()]
@@ -72,7 +72,7 @@ def _points(pixels: LitPixels, index: np.ndarray) -> Points:
     """Geometry and light of pixels in all images, a grid [I, n]."""
     scene, places = pixels.photographs.scene, torch.from_numpy(index.astype(np.int64))
     lights = [scene.lights[image] for image in pixels.images]
-    if bool((scene.ambient > 0).any()) or any(len(some) != 1 for some in lights):
+    if scene.surrounded or bool((scene.ambient > 0).any()) or any(len(some) != 1 for some in lights):
         parts = [pixels.at(position, index) for position in range(len(pixels.images))]
         points, grid = join(parts).points, (len(parts), len(index))
         ambient = None if points.ambient is None else points.ambient.expand(grid[0] * grid[1], -1).unflatten(0, grid)

@@ -39,7 +39,7 @@ class ImageTiles:
     def __iter__(self) -> Iterator[list[Callable[[], Tile]]]:
         images, merger = range(len(self.pixels.images)), self.merger
         tiles = [[partial(merger.tile, k, part) for part in range(merger.parts(k))] for k in images]
-        if not merger.squares.small.size and len(self.pixels) < _TWO_TILES:
+        if not merger.squares.small.size and len(self.pixels) * self.pixels.crowd < _TWO_TILES:
             half = (len(images) + 1) // 2
             yield [partial(_join_tiles, some) for some in (tiles[:half], tiles[half:]) if some]
             return

@@ -131,7 +131,7 @@ class Worlds:
     @cached_property
     def slots(self) -> int:
         """L: the most lights that an image has, each as many times as it has nodes."""
-        return max(sum(light.nodes for light in self.scene.lights[image]) for image in self.images)
+        return max(self.scene.nodes(image) for image in self.images)
 
     @cached_property
     def sphere_radius(self) -> float | None:
@@ -196,7 +196,8 @@ class Worlds:
     def _toward(self, image: Tensor, pixels: Tensor, like: Tensor) -> Tensor:
         """Unit vectors to the lights [n, L, 3]; those of lights that an image lacks are the normal."""
         surface = self.scene.surface
-        normals = surface.normals_as(like.dtype)[pixels]
+        normals, view = surface.normals_as(like.dtype)[pixels], surface.toward_viewer(pixels).to(like)
+        view = view.expand(len(normals), 3)
         toward = normals[:, None].repeat(1, self.slots, 1)
         for position in image.unique().tolist():
             rows = (image == position).nonzero()[:, 0]
@@ -205,7 +206,7 @@ class Worlds:
                 places = None
                 if light.near and surface.positions is not None:
                     places = surface.positions[pixels[rows]].to(like)
-                nodes = light.to(like.dtype, "cpu").spread(places, normals[rows])[0]
+                nodes = light.to(like.dtype, "cpu").directions(places, normals[rows], view[rows])
                 toward[rows, slot : slot + light.nodes] = nodes.expand(len(rows), -1, 3)
                 slot += light.nodes
         return toward

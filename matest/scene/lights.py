@@ -47,13 +47,26 @@ class Light(Protocol):
         """
         ...
 
-    def spread(self, positions: Tensor | None, normals: Tensor) -> tuple[Tensor, Tensor]:
-        """As `at`, of the points that stand for the part above the horizon: [1 or N, nodes, 3], [1 or N, nodes, C].
+    def directions(self, positions: Tensor | None, normals: Tensor, view: Tensor) -> Tensor:
+        """Unit vectors to the points that stand for the part above the horizon, [1 or N, nodes, 3].
 
         Args:
             positions: as above.
             normals: of the surface [N, 3].
+            view: unit vectors to the viewer [1 or N, 3].
         """
+        ...
+
+    def toward(self, node: int, positions: Tensor | None, normals: Tensor, view: Tensor) -> Tensor:
+        """`directions` to one of the points, [1 or N, 3]."""
+        ...
+
+    def spread(self, positions: Tensor | None, normals: Tensor, view: Tensor) -> tuple[Tensor, Tensor]:
+        """`directions`, and the irradiance of a surface facing each [1 or N, nodes, C]."""
+        ...
+
+    def edged(self, node: int) -> bool:
+        """Whether the edge of the shadow in the light of a node shows, where a pixel is lit in part."""
         ...
 
     def distance(self, positions: Tensor) -> Tensor:
@@ -101,8 +114,17 @@ class DirectionalLight:
     def at(self, positions: Tensor | None) -> tuple[Tensor, Tensor]:  # noqa: ARG002
         return self.direction[None], self.irradiance[None]
 
-    def spread(self, positions: Tensor | None, normals: Tensor) -> tuple[Tensor, Tensor]:  # noqa: ARG002
+    def directions(self, positions: Tensor | None, normals: Tensor, view: Tensor) -> Tensor:  # noqa: ARG002
+        return self.direction[None, None]
+
+    def toward(self, node: int, positions: Tensor | None, normals: Tensor, view: Tensor) -> Tensor:  # noqa: ARG002
+        return self.direction[None]
+
+    def spread(self, positions: Tensor | None, normals: Tensor, view: Tensor) -> tuple[Tensor, Tensor]:  # noqa: ARG002
         return self.direction[None, None], self.irradiance[None, None]
+
+    def edged(self, node: int) -> bool:  # noqa: ARG002
+        return True
 
     def distance(self, positions: Tensor) -> Tensor:
         return positions.new_full((1,), math.inf)
@@ -153,7 +175,16 @@ class PointLight:
     def at(self, positions: Tensor | None) -> tuple[Tensor, Tensor]:
         return self._from(self.position, _needed(positions))
 
-    def spread(self, positions: Tensor | None, normals: Tensor) -> tuple[Tensor, Tensor]:
+    def directions(self, positions: Tensor | None, normals: Tensor, view: Tensor) -> Tensor:
+        return self.spread(positions, normals, view)[0]
+
+    def toward(self, node: int, positions: Tensor | None, normals: Tensor, view: Tensor) -> Tensor:
+        return self.directions(positions, normals, view)[:, node]
+
+    def edged(self, node: int) -> bool:  # noqa: ARG002
+        return True
+
+    def spread(self, positions: Tensor | None, normals: Tensor, view: Tensor) -> tuple[Tensor, Tensor]:  # noqa: ARG002
         positions = _needed(positions)
         if self.source is None:
             toward, power = self._from(self.position, positions)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import logging
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -22,6 +23,8 @@ _MAX_HULL_FACES = 50_000
 _CONVEX_TOLERANCE = 1e-4
 # Largest angle between two faces (rad) whose normals are averaged: sharper edges are edges of the object.
 _SMOOTH_ANGLE = np.deg2rad(45)
+# Subdivisions of the icosahedron that stands for a sphere: 81,920 facets.
+_SUBDIVISIONS = 6
 # Suffixes of archives that trimesh would unpack, however large what is in them.
 _ARCHIVES = ("zip", "gz", "bz2", "tar", "tgz")
 # Suffixes of meshes that are text.
@@ -112,6 +115,32 @@ class Mesh:
                 f"{faces.min() if faces.min() < 0 else faces.max()} (from 0). Export the mesh again."
             )
         return cls(vertices, faces, _normals_of_file(scene), _uv_of_file(scene))
+
+    @classmethod
+    def sphere(cls) -> Mesh:
+        """The unit sphere about the origin, of facets that lie within 4e-5 of it."""
+        import trimesh
+
+        ball = trimesh.creation.icosphere(subdivisions=_SUBDIVISIONS)
+        return cls(np.asarray(ball.vertices), np.asarray(ball.faces), np.asarray(ball.vertices))
+
+    @classmethod
+    def together(cls, parts: Sequence[Mesh], transforms: Sequence[np.ndarray]) -> Mesh:
+        """One mesh of several, whose faces follow each other; normals are not averaged from one to another.
+
+        Args:
+            parts: the meshes.
+            transforms: [4, 4] of each, from its own coordinates to the common ones.
+        """
+        vertices, faces, normals, count = [], [], [], 0
+        for part, matrix in zip(parts, transforms, strict=True):
+            vertices.append(part.vertices @ matrix[:3, :3].T + matrix[:3, 3])
+            faces.append(part.faces + count)
+            normals.append(part.corner_normals @ np.linalg.inv(matrix[:3, :3]))
+            count += len(part.vertices)
+        mesh = cls(np.concatenate(vertices), np.concatenate(faces))
+        mesh._file_normals = np.concatenate(normals)
+        return mesh
 
     @cached_property
     def corner_normals(self) -> np.ndarray:

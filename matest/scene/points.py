@@ -61,7 +61,7 @@ def illuminate(
     Raises:
         InputError: a near light and no positions.
     """
-    lit = [light.spread(positions, normals) for light in lights]
+    lit = [light.spread(positions, normals, view) for light in lights]
     if blocked is not None:
         rows = blocked.split([light.nodes for light in lights])
         lit = [(toward, power * ~dark.T[..., None]) for (toward, power), dark in zip(lit, rows, strict=True)]

@@ -12,6 +12,7 @@ from torch import Tensor
 from matest.errors import InputError
 from matest.parameters import Role
 from matest.scene.bits import Bits
+from matest.scene.environment import EnvironmentLight
 from matest.scene.lights import Light
 from matest.scene.points import Points, illuminate
 from matest.scene.surface import Surface
@@ -48,14 +49,28 @@ class Scene:
     def __len__(self) -> int:
         return len(self.lights)
 
+    @property
+    def surrounded(self) -> bool:
+        """Whether any light comes from all around."""
+        return any(isinstance(light, EnvironmentLight) for lights in self.lights for light in lights)
+
+    def nodes(self, image: int) -> int:
+        """How many directions of light an image is shaded with."""
+        return sum(light.nodes for light in self.lights[image])
+
     def optics(self, quantity: Role) -> Tensor | None:
         """The stated wavelength of the channels (µm) or solid angle of the lights (sr); None: not stated.
 
         Raises:
-            InputError: lights of different solid angles.
+            InputError: lights of different solid angles, or from all around.
         """
         if quantity is Role.WAVELENGTH:
             return self.wavelength
+        if self.surrounded:
+            raise InputError(
+                "a mirror-like reflection is rendered under a map of light, but neither estimated nor predicted there: "
+                "leave it out of the model, or set --fix solid_angle=SR."
+            )
         angles = {light.solid_angle for lights in self.lights for light in lights}
         if len(angles) > 1:
             stated = ", ".join("none" if angle is None else f"{angle:g}" for angle in sorted(angles, key=str))
@@ -73,15 +88,19 @@ class Scene:
         def trace(lights: tuple[Light, ...]) -> tuple[tuple[Bits, ...] | None, Bits | None]:
             shadows, edges = [], np.zeros(len(self.surface), dtype=bool)
             for light in lights:
-                of_light = [cast_shadows(self.surface, light, grid, node) for node in range(light.nodes)]
-                traced = [shadow for shadow in of_light if shadow is not None]
-                if not traced:
-                    return None, None
-                for shadow in traced:
-                    edges |= shadow_edges(self.surface, shadow)
+                some, every = np.zeros(len(self.surface), dtype=bool), np.ones(len(self.surface), dtype=bool)
+                for node in range(light.nodes):
+                    shadow = cast_shadows(self.surface, light, grid, node)
+                    if shadow is None:
+                        return None, None
+                    if light.edged(node):
+                        edges |= shadow_edges(self.surface, shadow)
                     shadows.append(Bits.of(shadow))
-                # Some points that stand for a light are hidden and others are not: how many is known to a step.
-                edges |= np.any(traced, axis=0) & ~np.all(traced, axis=0)
+                    some |= shadow
+                    every &= shadow
+                # Some points that stand for a near light are hidden and others are not: how many is known to a step.
+                if light.near:
+                    edges |= some & ~every
             return (tuple(shadows), Bits.of(edges)) if shadows else (None, None)
 
         shadows, edges = zip(*in_threads(trace, self.lights), strict=True)
@@ -90,6 +109,20 @@ class Scene:
             shadows=shadows,
             shadow_edge=edges,
             unoccluded=unoccluded_fraction(self.surface) if bool((self.ambient > 0).any()) else None,
+        )
+
+    def take(self, selection: np.ndarray) -> Scene:
+        """The same scene restricted to some of its surface's pixels (boolean [N]), in the shadows of all of it."""
+
+        def of_pixels(bits: Bits) -> Bits:
+            return Bits.of(np.asarray(bits)[selection])
+
+        return dataclasses.replace(
+            self,
+            surface=self.surface.take(selection),
+            shadows=tuple(None if bits is None else tuple(map(of_pixels, bits)) for bits in self.shadows),
+            shadow_edge=tuple(None if bits is None else of_pixels(bits) for bits in self.shadow_edge),
+            unoccluded=None if self.unoccluded is None else self.unoccluded[selection],
         )
 
     def near_positions(self, image: int, index: Tensor | slice = slice(None)) -> Tensor | None:

@@ -15,6 +15,7 @@ from matest.errors import InputError
 from matest.scene.camera import Camera
 from matest.scene.circle import Circle
 from matest.scene.mesh import Mesh
+from matest.scene.objects import Objects
 from matest.scene.rim import near_silhouette
 from matest.scene.sight import Precision, Sight, index_type
 
@@ -37,6 +38,7 @@ class Surface:
         eye: position of a perspective camera, [3]; None for a distant viewer.
         convex: True for a surface without a mesh that cannot shadow itself.
         circle: the image of a sphere, where it was fitted to the edge of a mask.
+        objects: which object each pixel shows; None where there is one.
     """
 
     shape: tuple[int, int]
@@ -51,6 +53,7 @@ class Surface:
     eye: Tensor | None = None
     convex: bool = False
     circle: Circle | None = None
+    objects: Objects | None = None
 
     def __len__(self) -> int:
         return len(self.pixels)
@@ -115,6 +118,7 @@ class Surface:
             rim=self.rim[selection],
             sightlines=sightlines if sightlines is None or len(sightlines) == 1 else sightlines[index],
             faces=None if self.faces is None else self.faces[selection],
+            objects=None if self.objects is None else self.objects.take(selection),
         )
 
 

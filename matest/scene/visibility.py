@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from matest.scene.lights import Light
 from matest.scene.rim import starts_of_rows
@@ -63,17 +64,21 @@ def _may_shadow_itself(surface: Surface) -> bool:
 
 def _facing(surface: Surface, light: Light, node: int) -> np.ndarray:
     """True where the surface faces a light [N]; elsewhere a pixel is dark anyway, and needs no ray."""
-    positions = surface.positions
-    assert positions is not None
-    if not light.near:
+    if light.nodes == 1 and not light.near:
         toward, _ = light.at(None)
         return (surface.normals.detach() @ toward[0].detach().to(surface.normals.dtype) > 0).numpy()
     facing = np.empty(len(surface), dtype=bool)
     for part in torch.arange(len(surface)).split(_AT_ONCE):
-        normals = surface.normals[part].double()
-        toward, _ = light.spread(positions[part].double(), normals)
-        facing[part.numpy()] = ((normals * toward[:, node]).sum(-1) > 0).detach().numpy()
+        toward = _toward(surface, light, node, part)
+        facing[part.numpy()] = ((surface.normals[part].double() * toward).sum(-1) > 0).detach().numpy()
     return facing
+
+
+def _toward(surface: Surface, light: Light, node: int, index: Tensor) -> Tensor:
+    """Unit vectors from some pixels [n] to one of the points that stand for a light [1 or n, 3]."""
+    assert surface.positions is not None
+    positions, normals = surface.positions[index].double(), surface.normals[index].double()
+    return light.toward(node, positions, normals, surface.toward_viewer(index).double())
 
 
 def _blocked(surface: Surface, light: Light, node: int, index: np.ndarray) -> np.ndarray:
@@ -85,7 +90,7 @@ def _blocked(surface: Surface, light: Light, node: int, index: np.ndarray) -> np
     blocked = np.empty(len(index), dtype=bool)
     for first in range(0, len(index), _AT_ONCE):
         part = index[first : first + _AT_ONCE]
-        toward = light.spread(positions[part].double(), surface.normals[part].double())[0][:, node]
+        toward = _toward(surface, light, node, torch.from_numpy(part))
         origins = positions[part].detach().numpy() + _RAY_OFFSET * mesh.extent * mesh.face_normals(faces[part])
         directions = np.broadcast_to(toward.detach().numpy(), origins.shape)
         reach = light.distance(torch.from_numpy(origins)).detach().numpy() if light.near else None

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
 
+from matest.capture.environment_maps import EnvironmentMaps
 from matest.capture.light_tables import lights_of
 from matest.capture.schema import ImageTable, LightTable
 from matest.scene import PointLight
@@ -20,7 +22,8 @@ PANEL: dict[str, Any] = {"position": (0.0, 0.0, 9.0), "axis": (0.0, 0.0, -3.0), 
 
 
 def light_of(curvature: float = 3.0, **table: Any) -> PointLight:
-    (light,) = lights_of(ImageTable(lights=[LightTable(**table)]), SURFACE, 3, curvature, "image 0")
+    maps = EnvironmentMaps(lambda name, _: Path(name), 3, curvature)
+    (light,) = lights_of(ImageTable(lights=[LightTable(**table)]), SURFACE, 3, curvature, "image 0", maps)
     assert isinstance(light, PointLight)
     return light
 

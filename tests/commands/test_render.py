@@ -26,7 +26,7 @@ def test_a_scene_becomes_a_capture_where_it_is_asked_for(run: Run, scene: Path, 
 def test_without_a_place_the_capture_lies_beside_its_scene(run: Run, scene: Path) -> None:
     code, out, err = run("render", scene.parent, "--json")
     assert (code, err) == (0, "")
-    assert json.loads(out) == {"out": str(scene.parent)}
+    assert json.loads(out) == {"out": str(scene.parent), "notes": []}
     assert (scene.parent / "capture.toml").is_file()
 
 
