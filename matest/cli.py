@@ -7,15 +7,13 @@ import contextlib
 import importlib
 import io
 import os
-import signal
 import sys
-from types import FrameType
 from typing import Annotated, Any
 
 import typer
 
 import matest
-from matest import commands
+from matest import commands, interruption
 from matest.errors import BAD_INPUT, NO_MEMORY, WORK_FAILED, InputError, WorkError, out_of_memory, own_fault, printable
 
 # Of typer's own in some versions, of click in others.
@@ -28,19 +26,14 @@ _DEBUG = "MATEST_DEBUG"
 _OUTPUT = 1
 # Number of standard error.
 _ERRORS = 2
-# Signals that ask to end: by a scheduler or the system, and when a terminal goes.
-_ENDS = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 
 def main() -> None:
     """Run the command: exit code 0, 1 (the work failed) or 2 (bad input)."""
     _open_streams()
-    for kind in _ENDS:
-        # What is ignored, as by nohup, stays so.
-        if signal.getsignal(kind) is signal.SIG_DFL:
-            signal.signal(kind, _interrupt)
     try:
-        code = application()(prog_name="matest", standalone_mode=False)
+        with interruption.watched():
+            code = application()(prog_name="matest", standalone_mode=False)
     except InputError as error:
         _fail(str(error), BAD_INPUT)
     except _UsageError as error:
@@ -63,9 +56,9 @@ def main() -> None:
         _fail(_own_fault(error), WORK_FAILED)
     finally:
         # The work has ended: a signal that comes while Python takes itself apart would only print where.
-        atexit.register(_ignore_signals)
+        atexit.register(interruption.leave)
     if code == _INTERRUPTED:
-        _fail("interrupted; what was not finished was not written.", WORK_FAILED)
+        _fail(interruption.SENTENCE, WORK_FAILED)
     sys.exit(code)
 
 
@@ -84,16 +77,6 @@ def _open_streams() -> None:
         elif isinstance(stream, io.TextIOWrapper):
             # A terminal or a locale may lack ± and σ, and file names may be no text.
             stream.reconfigure(errors="replace")
-
-
-def _ignore_signals() -> None:
-    for kind in (signal.SIGINT, *_ENDS):
-        signal.signal(kind, signal.SIG_IGN)
-
-
-def _interrupt(_number: int, _frame: FrameType | None) -> None:
-    """End as Ctrl-C does: what is half done is removed."""
-    raise KeyboardInterrupt
 
 
 def application() -> typer.Typer:
