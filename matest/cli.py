@@ -46,14 +46,12 @@ def main() -> None:
         _fail("standard output was closed before everything was printed; what was to be written was.", WORK_FAILED)
     except OSError as error:
         _fail(f"{error.filename or 'file system'}: {error.strerror or error}.", WORK_FAILED)
-    except (MemoryError, RuntimeError) as error:
-        _fail(NO_MEMORY if out_of_memory(error) else _own_fault(error), WORK_FAILED)
     except WorkError as error:
         _fail(str(error), WORK_FAILED)
     except KeyboardInterrupt:
         code = _INTERRUPTED
     except Exception as error:
-        _fail(_own_fault(error), WORK_FAILED)
+        _fail(NO_MEMORY if out_of_memory(error) else _own_fault(error), WORK_FAILED)
     finally:
         # The work has ended: a signal that comes while Python takes itself apart would only print where.
         atexit.register(interruption.leave)

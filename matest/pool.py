@@ -79,6 +79,8 @@ def in_processes(
                     task.deaths += 1
                     if task.deaths < MOST_DEATHS:
                         waiting.appendleft(task)
+                    elif not process.started:
+                        raise WorkError(f"processes for the captures do not start: {reason}.") from None
                     else:
                         yield task.item, Lost(reason)
     finally:
@@ -116,13 +118,10 @@ class _Process(Generic[Item, Result]):
 
         Raises:
             EOFError: the process died.
-            WorkError: it died before it could do anything.
         """
         try:
             results = self.pipe.recv()
-        except (EOFError, OSError):
-            if not self.started:
-                raise WorkError(f"a process for the captures does not start: {self.burial()}.") from None
+        except OSError:
             raise EOFError from None
         self.started = True
         if results:

@@ -26,6 +26,7 @@ SUITES = {
     "memory": "peak of 12 and of 120 photographs",
     "start": "fresh processes",
     "command": "the whole command on captures that state no noise, against decoding",
+    "faults": "what killed processes, full disks and vanishing files leave of results",
 }
 # Suites that race the peers.
 RACES = ("peers", "frontier")

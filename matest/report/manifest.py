@@ -30,15 +30,33 @@ def write(folder: Path, request: Mapping[str, Any], inputs: Mapping[str, str]) -
 
 def answers(folder: Path, request: Mapping[str, Any], inputs: Mapping[str, str]) -> bool:
     """Whether a folder holds the complete result of a request of these inputs, every file as it was written."""
+    # As JSON has them: lists for tuples.
+    asked = json.loads(json_text({"schema": SCHEMA, "request": request, "inputs": inputs}))
+    content = _read(folder)
+    return {key: content.get(key) for key in asked} == asked and is_whole(folder)
+
+
+def is_whole(folder: Path) -> bool:
+    """Whether a folder holds a result with every file as it was written."""
+    files = _read(folder).get("files") or {}
+    try:
+        return bool(files) and all(digest(folder / name) == written for name, written in files.items())
+    except (OSError, TypeError, AttributeError):
+        return False
+
+
+def inputs_of(folder: Path) -> dict[str, str]:
+    """Digests of the files that a result is of, by their path from the capture's folder; none of what is no result."""
+    return _read(folder).get("inputs", {})
+
+
+def _read(folder: Path) -> dict[str, Any]:
+    """The content of a manifest; empty where there is none that can be read."""
     try:
         content = json.loads((folder / NAME).read_text("utf-8"))
-        # As JSON has them: lists for tuples.
-        asked = json.loads(json_text({"schema": SCHEMA, "request": request, "inputs": inputs}))
-        if {key: content.get(key) for key in asked} != asked:
-            return False
-        return all(digest(folder / name) == written for name, written in content["files"].items())
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        return False
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return content if isinstance(content, dict) and content.get("schema") == SCHEMA else {}
 
 
 def _files(folder: Path) -> list[Path]:
