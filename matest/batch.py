@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections import Counter
 from collections.abc import Generator, Iterable, Iterator, Sequence
@@ -197,7 +198,9 @@ def run_all(
             done = _side_by_side(jobs, workers, memory)
         else:
             done = _here(jobs, memory)
-        yield from ((job, _row(job, result)) for job, result in done)
+        for job, result in done:
+            row = _row(job, result)
+            yield job, replace(row, error=more_memory(job)) if row.lacks_memory and memory else row
     finally:
         # Of processes that were ended by force.
         for job in jobs:
@@ -209,6 +212,11 @@ def _elsewhere(jobs: Iterable[Job], scheduler: str) -> Iterator[tuple[Job, Row |
     known_by = {job.capture.absolute(): job for job in jobs}
     for job, row in in_cluster(summarised, [_everywhere(job) for job in jobs], scheduler):
         yield known_by[job.capture], row
+
+
+def more_memory(job: Job) -> str:
+    """What to say of a job that the memory which the user allows does not suffice for."""
+    return f"{job.capture}: needs more than --memory leaves it; give more, or fewer or smaller images."
 
 
 def _here(jobs: Iterable[Job], memory: int | None) -> Iterator[tuple[Job, Row]]:
@@ -225,8 +233,8 @@ def _side_by_side(jobs: Sequence[Job], workers: int, memory: int | None) -> Iter
     free = memory - _OWN_MEMORY
     workers = min(workers, len(jobs), free // _LEAST_MEMORY)
     if workers < 1:
-        least = (_OWN_MEMORY + _LEAST_MEMORY) >> 20
-        raise InputError(f"--memory {memory >> 20}MB is too little for any capture; give {least}MB or more.")
+        least = math.ceil((_OWN_MEMORY + _LEAST_MEMORY) / 1e6)
+        raise InputError(f"--memory {memory / 1e6:.0f}MB is too little for any capture; give {least}MB or more.")
     large = []
     for job, row in in_processes(summarised, jobs, workers, free // workers):
         if workers > 1 and isinstance(row, Row) and row.lacks_memory:

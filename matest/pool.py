@@ -189,6 +189,9 @@ def limited_memory(size: int | None) -> Iterator[None]:
         raise InputError("--memory: only Linux limits the memory of a process; leave it out.")
     import resource
 
+    # OpenBLAS, which it loads, tries for ever where it finds no memory for itself.
+    import scipy.special  # noqa: F401
+
     before, hard = resource.getrlimit(resource.RLIMIT_DATA)
     resource.setrlimit(resource.RLIMIT_DATA, (size if hard == resource.RLIM_INFINITY else min(size, hard), hard))
     try:

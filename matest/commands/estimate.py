@@ -106,6 +106,8 @@ def estimate(
         return
     with progress(str(captures[0])) as say, limited_memory(limit):
         outcome = batch.run(work[0], say)
+    if outcome.lacks_memory and limit is not None:
+        raise WorkError(batch.more_memory(work[0]))
     if outcome.estimate is None:
         raise WorkError(outcome.error) if outcome.failed else InputError(outcome.error)
     if as_json:
