@@ -81,6 +81,10 @@ def _end_after(seen: int) -> None:
         return
     _came.set()
     time.sleep(_PATIENCE)
+    # Who uses no processes has not loaded what starts them.
+    processes = sys.modules.get("multiprocessing")
+    for child in processes.active_children() if processes else ():
+        child.kill()
     for folder in list(UNFINISHED):
         shutil.rmtree(folder, ignore_errors=True)
     with contextlib.suppress(OSError, ValueError):

@@ -139,11 +139,12 @@ class _Process(Generic[Item, Result]):
 
 
 def _dismiss(crew: Iterable[_Process]) -> None:
-    """End processes: idle ones at once, the others when they have removed what is half done, or else by force."""
+    """End processes: when they have removed what is half done, or else by force."""
     crew = list(crew)
     for process in crew:
         process.pipe.close()
-        process.process.terminate()
+        # One that still starts has nothing to remove, and would hear late.
+        (process.process.terminate if process.started else process.process.kill)()
     end = time.monotonic() + _GRACE
     for process in crew:
         process.process.join(max(end - time.monotonic(), 0))
