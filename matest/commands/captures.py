@@ -40,7 +40,8 @@ def estimate_all(
     for sentence in failures(in_their_order):
         typer.echo(f"matest: {printable(sentence)}", err=True)
     if as_json:
-        print_json({str(job.capture): _content(job, rows[job.capture]) for job in jobs})
+        contents = {str(job.capture): _content(job, rows[job.capture]) for job in jobs}
+        print_json(contents if len(jobs) > 1 else next(iter(contents.values())))
     else:
         console().print(summary_table(in_their_order))
         if out is not None:
@@ -91,4 +92,5 @@ def _folder(out: Path | None) -> Iterator[None]:
 
 
 def _content(job: Job, row: Row) -> dict:
+    """The result of a job as JSON, or why there is none."""
     return {"error": row.error} if row.error else read_result(job.out)

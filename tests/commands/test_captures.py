@@ -72,6 +72,8 @@ def test_what_is_complete_and_unchanged_is_kept(run: Run, three: list[Path], tmp
 
     run(*arguments)
     assert kept("--resume") == [True, True]
+    alone = ("estimate", three[2], *PLAIN, "-o", tmp_path / "out" / "cup", "--resume", "--json")
+    assert json.loads(run(*alone)[1]) == json.loads(files[1].read_text("utf-8"))
     assert kept("--resume", "--seed", "1") == [False, False]
     assert kept("--resume", "--seed", "1") == [True, True]
     (three[1] / "00.png").write_bytes((three[1] / "02.png").read_bytes())
