@@ -25,7 +25,7 @@ UNFINISHED: set[Path] = set()
 # Signals that ask to end: by a scheduler or the system, and when a terminal goes.
 _ENDS = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
 # Seconds from a signal to the end by force: a call into a library may take longer, and Python waits for it.
-_PATIENCE = 1.6
+_PATIENCE = 1.2
 
 
 @contextlib.contextmanager

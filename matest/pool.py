@@ -24,7 +24,7 @@ Result = TypeVar("Result")
 # Processes that may die of a job before it is given up: the first may have been killed by mistake.
 MOST_DEATHS = 3
 # Seconds that processes have to remove what is half done; an interrupted command ends within two.
-_GRACE = 0.8
+_GRACE = 0.6
 # Libraries read from these how many threads to start.
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 

@@ -80,10 +80,10 @@ def interrupted(kind: int) -> Callable[[Laboratory], Iterator[str]]:
         begin = time.monotonic()
         process.send_signal(kind)
         code, _, errors = ended(process)
-        lab.ends.append(time.monotonic() - begin)
-        if code == 0:
+        if code == 0:  # it was done before
             yield from lab.lost()
             return
+        lab.ends.append(time.monotonic() - begin)
         if lab.ends[-1] > PROMPT:
             yield f"ended after {lab.ends[-1]:.1f} s"
         told = _COUNT.search(errors)
