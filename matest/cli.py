@@ -7,16 +7,14 @@ import contextlib
 import importlib
 import io
 import os
-import signal
 import sys
 import warnings
-from types import FrameType
 from typing import Annotated, Any
 
 import typer
 
 import matest
-from matest import commands
+from matest import commands, interruption
 from matest.errors import BAD_INPUT, NO_MEMORY, WORK_FAILED, InputError, WorkError, out_of_memory, own_fault, printable
 
 # Of typer's own in some versions, of click in others.
@@ -29,8 +27,6 @@ _DEBUG = "MATEST_DEBUG"
 _OUTPUT = 1
 # Number of standard error.
 _ERRORS = 2
-# Signals that ask to end: by a scheduler or the system, and when a terminal goes.
-_ENDS = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 
 def main() -> None:
@@ -39,12 +35,9 @@ def main() -> None:
     _hush_libraries()
     # They are for programmers.
     warnings.simplefilter("ignore")
-    for kind in _ENDS:
-        # What is ignored, as by nohup, stays so.
-        if signal.getsignal(kind) is signal.SIG_DFL:
-            signal.signal(kind, _interrupt)
     try:
-        code = application()(prog_name="matest", standalone_mode=False)
+        with interruption.watched():
+            code = application()(prog_name="matest", standalone_mode=False)
     except InputError as error:
         _fail(str(error), BAD_INPUT)
     except _UsageError as error:
@@ -57,19 +50,17 @@ def main() -> None:
         _fail("standard output was closed before everything was printed; what was to be written was.", WORK_FAILED)
     except OSError as error:
         _fail(f"{error.filename or 'file system'}: {error.strerror or error}.", WORK_FAILED)
-    except (MemoryError, RuntimeError) as error:
-        _fail(NO_MEMORY if out_of_memory(error) else _own_fault(error), WORK_FAILED)
     except WorkError as error:
         _fail(str(error), WORK_FAILED)
     except KeyboardInterrupt:
         code = _INTERRUPTED
     except Exception as error:
-        _fail(_own_fault(error), WORK_FAILED)
+        _fail(NO_MEMORY if out_of_memory(error) else _own_fault(error), WORK_FAILED)
     finally:
         # The work has ended: a signal that comes while Python takes itself apart would only print where.
-        atexit.register(_ignore_signals)
+        atexit.register(interruption.leave)
     if code == _INTERRUPTED:
-        _fail("interrupted; what was not finished was not written.", WORK_FAILED)
+        _fail(interruption.SENTENCE, WORK_FAILED)
     sys.exit(code)
 
 
@@ -100,16 +91,6 @@ def _hush_libraries() -> None:
         os.dup2(null, _ERRORS)
         os.close(null)
         sys.stderr = open(own, "w", encoding=stream.encoding, errors=stream.errors, buffering=1)  # noqa: SIM115
-
-
-def _ignore_signals() -> None:
-    for kind in (signal.SIGINT, *_ENDS):
-        signal.signal(kind, signal.SIG_IGN)
-
-
-def _interrupt(_number: int, _frame: FrameType | None) -> None:
-    """End as Ctrl-C does: what is half done is removed."""
-    raise KeyboardInterrupt
 
 
 def application() -> typer.Typer:

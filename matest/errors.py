@@ -12,6 +12,8 @@ Fault = tuple[bool, str]
 
 # Categories of Unicode that move the cursor, switch colours or turn the direction of writing.
 _CONTROLS = ("Cc", "Cf")
+# What libraries say where there is no memory left: torch, OpenCV, Python of threads, the loader of libraries.
+_NO_ROOM = ("can't allocate memory", "Failed to allocate", "can't start new thread", "failed to map segment")
 # What to say where there is no memory left.
 NO_MEMORY = "there is not enough memory for this; close other programs, or give fewer or smaller images."
 WORK_FAILED = 1  # the input is good, but could not be worked on: a full disk, an interruption, a figure out of bounds
@@ -64,7 +66,7 @@ def printable(text: str) -> str:
 
 def out_of_memory(error: BaseException) -> bool:
     """Whether an exception says that there is no memory left, in which case no file is to blame."""
-    return isinstance(error, MemoryError) or (isinstance(error, RuntimeError) and "allocate" in str(error))
+    return isinstance(error, MemoryError) or any(words in str(error) for words in _NO_ROOM)
 
 
 def own_fault(error: BaseException) -> str:

@@ -17,9 +17,21 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
+# Most processors that this process uses; None: all that it may.
+_share: int | None = None
+
+
 def processors() -> int:
     """Processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    present = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return min(present, _share or present)
+
+
+def limit_processors(count: int) -> None:
+    """Let this process use no more than so many processors, because others work beside it."""
+    global _share
+    _share = count
+    torch.set_num_threads(count)
 
 
 def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:

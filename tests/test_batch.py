@@ -94,7 +94,7 @@ def test_results_lie_in_their_captures_or_in_folders_of_their_names(two: list[Pa
     assert places([bad, file], None) == [bad / "matest", good / "matest"]
     assert places([bad, file], tmp_path / "out") == [tmp_path / "out" / "bad", tmp_path / "out" / "good"]
     assert places([bad, good, bad], None) == [bad / "matest", good / "matest"]
-    assert "same name (good, good)" in refusal(lambda: batch.jobs([good, file], tmp_path / "out", LAMBERT))
+    assert "same name (good)" in refusal(lambda: batch.jobs([good, file], tmp_path / "out", LAMBERT))
 
 
 def test_captures_of_one_command_may_share_files_beside_them(two: list[Path], tmp_path: Path) -> None:

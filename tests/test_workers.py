@@ -13,7 +13,15 @@ import torch
 
 import matest
 from matest import workers
-from matest.workers import in_groups, in_threads, one_behind, processes, processors, single_threaded_torch
+from matest.workers import (
+    in_groups,
+    in_threads,
+    limit_processors,
+    one_behind,
+    processes,
+    processors,
+    single_threaded_torch,
+)
 
 PACKAGE = Path(matest.__file__).parent
 
@@ -160,6 +168,15 @@ def test_processes_are_fresh_prepared_and_no_more_than_asked_for() -> None:
 
 def test_processors_are_those_that_this_process_may_use() -> None:
     assert 1 <= processors() <= (os.cpu_count() or 1)
+
+
+@pytest.mark.usefixtures("two_torch_threads")
+def test_who_works_beside_others_uses_its_share(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers, "_share", None)
+    limit_processors(1)
+    assert (processors(), torch.get_num_threads()) == (1, 1)
+    limit_processors(1000)
+    assert processors() <= (os.cpu_count() or 1)
 
 
 def test_nothing_else_in_the_package_sizes_a_pool_of_its_own() -> None:

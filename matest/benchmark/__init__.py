@@ -28,6 +28,7 @@ SUITES = {
     "fuzz": "damaged files for every reader",
     "command": "the whole command on captures that state no noise, against decoding",
     "export": "what conversions to other programs cost, and what Mitsuba renders of them beside our shader",
+    "faults": "what killed processes, full disks and vanishing files leave of results",
 }
 # Suites that race the peers.
 RACES = ("peers", "frontier")

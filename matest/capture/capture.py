@@ -17,7 +17,7 @@ import torch
 from matest.capture import schema
 from matest.capture.assembly import ImageFormat, Setup, realise
 from matest.capture.description import Description, capture_sources, describe
-from matest.capture.digests import digested
+from matest.capture.digests import digest, digested
 from matest.capture.open_conventions import settled
 from matest.capture.understanding import understood
 from matest.errors import InputError
@@ -144,7 +144,7 @@ class Capture:
 
     def digests(self) -> dict[str, str]:
         """SHA-256 of every file of the capture as it was read, by its path from the folder."""
-        return {os.path.relpath(file, self.folder): digest for file, digest in self.sums.items()}
+        return _by_name(self.sums, self.folder)
 
 
 def load_capture(
@@ -199,18 +199,36 @@ def load_capture(
     photographs = replace(setup.photographs(stored, sensor), notes=said)
     with _time(timing, "geometry"):
         photographs, description = settled(photographs, description)
-    others = [description.path(name, key) for key, name in description.references]
     return Capture(
         name=description.name,
         photographs=photographs,
         files=tuple(paths),
         folder=description.folder,
-        sums={file: sums[file] for file in (*paths, *description.sources, *others)},
+        sums={file: sums[file] for file in description.files},
         timing=timing,
         uncertainty=description.uncertainty,
         description=description,
         understood=understood(description, photographs),
     )
+
+
+def present_digests(path: str | Path, root: Path | None = None) -> dict[str, str]:
+    """What `Capture.digests` would be if the capture was read now, without decoding its photographs.
+
+    Args:
+        path, root: as `load_capture` takes them.
+
+    Raises:
+        InputError: the capture cannot be read.
+        OSError: a file of it cannot be read.
+    """
+    description = describe(path, schema.CaptureFile, root=root)
+    return _by_name({file: digest(file) for file in description.files}, description.folder)
+
+
+def _by_name(digests: dict[Path, str], folder: Path) -> dict[str, str]:
+    """Digests by the path of the file from a folder."""
+    return {os.path.relpath(file, folder): digest for file, digest in digests.items()}
 
 
 def _notes_of_layout(description: Description) -> tuple[str, ...]:

@@ -63,6 +63,17 @@ class Description(Generic[File]):
         )
 
     @property
+    def files(self) -> tuple[Path, ...]:
+        """Every file of the capture or scene: photographs, those that it is read from, those that they refer to.
+
+        Raises:
+            InputError: see `path`.
+        """
+        images = ((f"image {k}: file", table.file) for k, table in enumerate(self.tables.image))
+        named = [self.path(name, key) for key, name in images if name is not None]
+        return (*named, *self.sources, *(self.path(name, key) for key, name in self.references))
+
+    @property
     def references(self) -> list[tuple[str, str]]:
         """Keys that name files beside the images, and those files."""
         tables = self.tables

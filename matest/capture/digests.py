@@ -11,6 +11,16 @@ from matest.capture.formats.folder import is_file
 from matest.errors import InputError
 
 
+def digest(path: Path) -> str:
+    """The SHA-256 of a file.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    with path.open("rb") as file:
+        return "sha256:" + hashlib.file_digest(file, "sha256").hexdigest()
+
+
 @contextmanager
 def digested(paths: Iterable[Path], digests: dict[Path, str]) -> Iterator[None]:
     """Add the SHA-256 of some files that the block reads to `digests`, except of those that do not exist.
@@ -21,8 +31,7 @@ def digested(paths: Iterable[Path], digests: dict[Path, str]) -> Iterator[None]:
     before = {path: _version(path) for path in paths if is_file(path)}
     yield
     for path, version in before.items():
-        with path.open("rb") as file:
-            digests[path] = "sha256:" + hashlib.file_digest(file, "sha256").hexdigest()
+        digests[path] = digest(path)
         if _version(path) != version:
             raise InputError(
                 f"{path}: expected a file that stays as it is while it is read, but something wrote to it; wait until "

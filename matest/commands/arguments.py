@@ -22,6 +22,8 @@ Choice = TypeVar("Choice", bound=Enum)
 Value = TypeVar("Value")
 # The comma between two assignments, as in a=1,b=2: those between numbers have no name after them.
 _BETWEEN_ASSIGNMENTS = re.compile(r"\s*,\s*(?=[a-z][\w.-]*\s*=)")
+# A number of bytes: kilo to tera, i for powers of 1,024.
+_SIZE = re.compile(r"(\d+\.?\d*)\s*([KMGT])(i?)B?", re.IGNORECASE)
 # Options that several commands take.
 Json = Annotated[bool, typer.Option("--json", help="Print machine-readable JSON on standard output.")]
 Transfer = Annotated[
@@ -134,6 +136,17 @@ def uncertainty(texts: list[str] | None) -> Uncertainty:
 def root(capture: Path, allow_outside: bool) -> Path | None:
     """The folder that references of a capture may not leave; None: its own."""
     return Path(capture.absolute().anchor) if allow_outside else None
+
+
+def size(text: str | None) -> int | None:
+    """Bytes of a text such as `800MB`, `4GB` or `1.5GiB`; None of none."""
+    if text is None:
+        return None
+    match = _SIZE.fullmatch(text.strip())
+    if match is None:
+        raise InputError(f"--memory takes a number with MB or GB, as 800MB or 4GB; got '{text}'.")
+    number, prefix, binary = match.groups()
+    return int(float(number) * (1024 if binary else 1000) ** (" KMGT".index(prefix.upper())))
 
 
 def indices(text: str) -> list[int]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -37,6 +38,30 @@ def progress(title: str) -> Iterator[Progress]:
             bar.update(task, description=f"{title}: {what}", completed=done or 0, total=total)
 
         yield say
+
+
+@contextmanager
+def progress_over(total: int) -> Iterator[Callable[[], None]]:
+    """A progress bar over captures, to be called for each that is done: rate, remaining time; nothing in a pipe."""
+    if not sys.stderr.isatty():
+        yield lambda: None
+        return
+    from rich import progress as bars
+    from rich.console import Console
+
+    columns = (
+        bars.BarColumn(bar_width=20), bars.TextColumn("{task.completed:,} of {task.total:,} captures"),
+        bars.TextColumn("{task.fields[rate]}"), bars.TimeRemainingColumn(), bars.TextColumn("left"),
+    )  # fmt: skip
+    with bars.Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=total, rate="")
+        begin = time.monotonic()
+
+        def advance() -> None:
+            done = bar.tasks[0].completed + 1
+            bar.update(task, completed=done, rate=f"{done / (time.monotonic() - begin):.2g} a second,")
+
+        yield advance
 
 
 def console(*, stderr: bool = False) -> Console:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,10 +10,12 @@ import typer
 
 from matest.commands import arguments
 from matest.commands.console import console, print_json, progress
-from matest.errors import InputError, WorkError, printable
+from matest.errors import InputError, WorkError
 from matest.report.picture_size import PictureSize
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from matest.batch import Outcome
 
 EXAMPLE = "matest estimate renders/vase --model oren-nayar"
@@ -63,17 +64,38 @@ def estimate(
     allow_outside: arguments.AllowOutside = False,
     device: Annotated[str, typer.Option(help="Where to compute: cpu, cuda.")] = "cpu",
     pictures: arguments.Pictures = PictureSize.PREVIEW,
+    jobs: Annotated[int, typer.Option(metavar="N", min=1, help="Captures to estimate at once, a process each.")] = 1,
+    memory: Annotated[
+        str | None,
+        typer.Option(metavar="SIZE", help="Memory of all processes together, as 4GB.", show_default=False),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS|local",
+            help="Let the workers of a Dask scheduler do the captures, as tcp://host:8786; local: of this machine.",
+            show_default=False,
+        ),
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Keep results that are complete, of these options and unchanged files.")
+    ] = False,
     as_json: arguments.Json = False,
 ) -> None:
     """Estimate the material of photographed objects, with error bars.
 
-    The result goes to CAPTURE/matest (or OUT; with several captures OUT/<capture name>/ each): result.json,
-    material.json, report.html, profile.csv and pictures. Each of several objects has a folder there by its name.
+    The result goes to CAPTURE/matest (or OUT; with several captures OUT/<capture name>/ each, and summary.csv and
+    summary.json): result.json, material.json, report.html, profile.csv and pictures. Each of several objects has a
+    folder there by its name.
     """
     from matest import batch
     from matest.capture.description import capture_sources
+    from matest.commands.captures import estimate_all
     from matest.estimation.specification import check_options
+    from matest.pool import limited_memory
 
+    if scheduler is not None and (jobs > 1 or memory is not None):
+        raise InputError("--scheduler has its own workers and their memory: leave --jobs and --memory out.")
     options = arguments.options(
         model, fix, free, tie, transfer,
         holdout=arguments.indices(holdout), precision=precision, seed=seed, device=device,
@@ -83,48 +105,41 @@ def estimate(
         smooth_maps=smooth_maps,
     )  # fmt: skip
     check_options(options)
-    jobs = batch.jobs(
-        captures,
-        out,
-        options,
-        " ".join(["matest", *sys.argv[1:]]),
-        pictures,
-        arguments.root(captures[0], allow_outside),
-    )
+    root = arguments.root(captures[0], allow_outside)
+    work = batch.jobs(captures, out, options, " ".join(["matest", *sys.argv[1:]]), pictures, root, resume)
+    limit = arguments.size(memory)
     if len(captures) == 1:
         capture_sources(captures[0])
+    if len(captures) > 1 or resume or scheduler is not None or min(jobs, len(work)) > 1:
+        rows = estimate_all(work, out if len(captures) > 1 else None, jobs, limit, scheduler, as_json)
+        if worst := max(row.exit_code for row in rows):
+            raise typer.Exit(worst)
+        return
     outcomes = []
-    for job in jobs:
-        with progress(job.label) as say:
-            outcomes.append(batch.run(job, say))
-    if len(outcomes) == 1 and (error := outcomes[0].error):
-        raise WorkError(error) if outcomes[0].failed else InputError(error)
-    if as_json:
-        _print_as_json(outcomes)
-    else:
-        _print_tables(outcomes)
-    if worst := max(outcome.exit_code for outcome in outcomes):
-        raise typer.Exit(worst)
-
-
-def _print_as_json(outcomes: Sequence[Outcome]) -> None:
-    plain = {
-        outcome.job.label: outcome.estimate.to_dict() if outcome.estimate else {"error": outcome.error}
-        for outcome in outcomes
-    }
-    print_json(next(iter(plain.values())) if len(plain) == 1 else plain)
-
-
-def _print_tables(outcomes: Sequence[Outcome]) -> None:
-    from matest.report.tables import estimate_table, summary_table
-
-    terminal = console()
+    with limited_memory(limit):
+        for job in work:
+            with progress(job.label) as say:
+                outcomes.append(batch.run(job, say))
+    _print(outcomes, as_json)
     for outcome in outcomes:
+        if outcome.lacks_memory and limit is not None:
+            raise WorkError(batch.more_memory(outcome.job))
         if outcome.estimate is None:
-            typer.echo(f"matest: {printable(outcome.error)}", err=True)
+            raise WorkError(outcome.error) if outcome.failed else InputError(outcome.error)
+
+
+def _print(outcomes: Sequence[Outcome], as_json: bool) -> None:
+    """The results of a capture, one for each object."""
+    from matest.report.tables import estimate_table
+
+    results = [(outcome.job, outcome.estimate) for outcome in outcomes if outcome.estimate is not None]
+    if as_json and len(outcomes) > 1:
+        print_json({job.label: estimate.to_dict() for job, estimate in results})
+        return
+    terminal = console()
+    for job, estimate in results:
+        if as_json:
+            print_json(estimate.to_dict())
         else:
-            place = outcome.job.out
-            terminal.print(estimate_table(outcome.estimate))
-            terminal.print(f"Result in {place} (open {place / 'report.html'})", soft_wrap=True)
-    if len(outcomes) > 1:
-        terminal.print(summary_table({outcome.job.label: outcome.estimate or outcome.error for outcome in outcomes}))
+            terminal.print(estimate_table(estimate))
+            terminal.print(f"Result in {job.out} (open {job.out / 'report.html'})", soft_wrap=True)

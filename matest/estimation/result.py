@@ -187,11 +187,11 @@ class Estimate:
                 for name, each in self.maps.items()
             },
             "skipped": self.skipped,
-            "timing_s": self.timing_s,
         }
         if self.holdout is not None:
             out["holdout"] = self.holdout
-        return out | {"provenance": self.provenance, "warnings": self.warnings}
+        # What differs between two runs comes last: the time and, at the end of the provenance, the command line.
+        return out | {"warnings": self.warnings, "provenance": self.provenance, "timing_s": self.timing_s}
 
     def material_dict(self) -> dict[str, Any]:
         """The content of `material.json`: the model and the values that shading needs.

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import shutil
-import tempfile
 import time
-from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from matest.brdf import Brdf
 from matest.capture import Capture
 from matest.errors import InputError
 from matest.estimation.prediction import PredictionErrors
 from matest.estimation.result import Estimate
-from matest.outputs import check_writable, followed, json_text, write_text
+from matest.outputs import check_writable, json_text, write_text
+from matest.places import whole_folder
 from matest.progress import Progress, silent
+from matest.report import manifest
 from matest.report.maps import files_of_map, write_maps
 from matest.report.page import page
 from matest.report.photographs import worst_first
@@ -34,7 +33,7 @@ from matest.scene import Surface
 _PICTURE = re.compile(r"images/(\d+_(photo|render|residual)|mean_residual|slices|incidences|posterior)\.png")
 # What else a result has in its folder, by the file that marks it.
 _FILES = {
-    "result.json": ("result.json", "material.json", "report.html", "profile.csv"),
+    "result.json": ("result.json", "material.json", "report.html", "profile.csv", manifest.NAME),
     "prediction.json": ("prediction.json", "profile.csv"),
 }
 
@@ -89,30 +88,6 @@ def _written(marker: Path) -> Collection[str]:
         return ()
 
 
-@contextmanager
-def whole_folder(out: Path) -> Iterator[Path]:
-    """A temporary folder beside `out` that takes its place when the block ends well, and vanishes otherwise."""
-    out = followed(out)
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
-    except OSError as error:
-        raise OSError(error.errno, error.strerror, str(out)) from None
-    previous = temporary.with_name(temporary.name + "-previous")
-    try:
-        yield temporary
-        temporary.chmod(0o755)
-        if out.exists():
-            os.replace(out, previous)
-        os.replace(temporary, out)
-    except BaseException:
-        if previous.exists() and not out.exists():
-            os.replace(previous, out)
-        shutil.rmtree(temporary, ignore_errors=True)
-        raise
-    shutil.rmtree(previous, ignore_errors=True)
-
-
 def write_result(
     estimate: Estimate,
     capture: Capture,
@@ -120,10 +95,20 @@ def write_result(
     progress: Progress = silent,
     *,
     pictures: PictureSize = PictureSize.PREVIEW,
+    request: Mapping[str, Any] | None = None,
 ) -> Estimate:
     """Write the result folder of an estimate; returns the estimate with its timing completed.
 
-    Writes `result.json`, `material.json`, `report.html`, `profile.csv` and the pictures in `images/`, if there are any.
+    Writes `result.json`, `material.json`, `report.html`, `profile.csv`, `manifest.json`, and the pictures in `images/`,
+    if there are any.
+
+    Args:
+        estimate: of the capture.
+        capture: that it is of.
+        out: the folder.
+        progress: told that the report is written.
+        pictures: how large they are.
+        request: what decides on the result beside the capture, of plain types, for the manifest.
     """
     check_destination(out, "result.json")
     clock = time.perf_counter()
@@ -143,6 +128,7 @@ def write_result(
         shown = None if plan is None else replace(drawn, maps=maps)
         write_text(folder / "report.html", page(estimate, capture.names, shown, relit))
         write_json(folder / "result.json", estimate.to_dict())
+        manifest.write(folder, request or {}, capture.digests())
     return estimate
 
 

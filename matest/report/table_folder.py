@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import hashlib
 import time
 from dataclasses import replace
 from pathlib import Path
 
 import matest
+from matest.capture.digests import digest
 from matest.estimation.table_fit import TableFit
 from matest.outputs import write_text
+from matest.places import whole_folder
 from matest.progress import Progress, silent
-from matest.report.folder import check_destination, whole_folder, write_json
+from matest.report.folder import check_destination, write_json
 from matest.report.packing import data_uri
 from matest.report.relight import relit_sphere
 from matest.report.table_page import table_page
@@ -26,9 +27,7 @@ def write_fit(fit: TableFit, out: Path, command: str = "", progress: Progress = 
     check_destination(out, "result.json")
     clock, path = time.perf_counter(), fit.samples.table.path
     progress("writing the report")
-    with path.open("rb") as file:
-        digest = "sha256:" + hashlib.file_digest(file, "sha256").hexdigest()
-    provenance = {"matest": matest.__version__, "command": command, "inputs": {path.name: digest}}
+    provenance = {"matest": matest.__version__, "command": command, "inputs": {path.name: digest(path)}}
     with whole_folder(out) as folder:
         (folder / "images").mkdir()
         places = {name: folder / "images" / f"{name}.png" for name in ("slices", "incidences", "posterior")}

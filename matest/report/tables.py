@@ -135,17 +135,6 @@ def misfit_table(what: str, misfits: Iterable[Misfit]) -> Table:
     return table
 
 
-def summary_table(estimates: Mapping[str, Estimate | str]) -> Table:
-    """One line a capture; a text instead of an estimate says why there is none."""
-    table = plain_table("capture", "model", "relative rms error", "status")
-    for name, estimate in estimates.items():
-        if isinstance(estimate, str):
-            table.add_row(name, "", "", Text(estimate, style="red"))
-        else:
-            table.add_row(name, estimate.model, share(estimate.fit.relative_rmse), estimate.fit.status)
-    return table
-
-
 def models_table(models: Mapping[str, type[Brdf]]) -> Group:
     """The catalogue: every model with its parameters, units, domains, options and source."""
     parts: list[Text | Table] = []

@@ -12,6 +12,7 @@ import trimesh
 
 import matest
 from matest.brdf import Lambert
+from matest.capture.capture import present_digests
 from matest.photographs.images import ImageFile, read_image, write_image
 from matest.samples.uncertainty import Uncertainty
 from tests.captures import (
@@ -230,9 +231,12 @@ def test_digests_are_those_of_the_files(folder):
 def test_digests_are_those_of_the_files_as_they_were_read(folder):
     before = folder.load().digests()
     capture = folder.load()
+    assert present_digests(folder.path) == before
     folder.put("01.npy", np.load(folder.path / "00.npy"))
+    assert present_digests(folder.path) == before | {"01.npy": before["00.npy"]}
     (folder.path / "mask.png").unlink()
     assert capture.digests() == before
+    assert "mask.png: no such file" in refusal(lambda: present_digests(folder.path))
 
 
 @pytest.mark.parametrize("name", ["00.npy", "01.npy", "mask.png"])

@@ -24,6 +24,10 @@ from tests.captures import refusal
         (arguments.encoding, "srgb", "srgb"),
         (arguments.encoding, "2.2", 2.2),
         (arguments.encoding, None, None),
+        (arguments.size, "800MB", 800_000_000),
+        (arguments.size, "1.5 GiB", 3 << 29),
+        (arguments.size, "4g", 4_000_000_000),
+        (arguments.size, None, None),
     ],
 )
 def test_a_text_becomes_what_it_says(parse: Callable[[str | None], Any], text: str | None, value: object) -> None:
@@ -84,6 +88,8 @@ def test_the_help_of_uncertainties_lists_every_name() -> None:
         (arguments.noise, "0.1", "as 0.002,0.0005; got '0.1'."),
         (arguments.noise, "a,b", "as 0.002,0.0005; got 'a,b'."),
         (arguments.line, "0,1,2", "--line takes X0,Y0,X1,Y1 in pixels; got '0,1,2'."),
+        (arguments.size, "4", "--memory takes a number with MB or GB, as 800MB or 4GB; got '4'."),
+        (arguments.size, "-4GB", "--memory takes a number with MB or GB, as 800MB or 4GB; got '-4GB'."),
         (arguments.encoding, "log", "--transfer must be linear, srgb or a number (gamma); got 'log'."),
     ],
 )

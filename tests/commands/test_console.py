@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from matest.commands.console import note, print_json, progress
+from matest.commands.console import note, print_json, progress, progress_over
 from matest.progress import silent
 
 
@@ -26,6 +26,19 @@ def test_json_is_whole_where_the_terminal_lacks_a_letter(monkeypatch: pytest.Mon
     print_json({"sigma": "σ"})
     sys.stdout.flush()
     assert json.loads(written.getvalue()) == {"sigma": "σ"}
+
+
+def test_captures_are_counted_on_a_terminal_with_their_rate(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown = io.StringIO()
+    shown.isatty = lambda: True  # type: ignore[method-assign]
+    monkeypatch.setattr(sys, "stderr", shown)
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setenv("TERM", "xterm")
+    with progress_over(1000) as advance:
+        for _ in range(3):
+            advance()
+    assert "3 of 1,000 captures" in shown.getvalue()
+    assert "a second" in shown.getvalue()
 
 
 def test_a_pipe_gets_no_progress_bar(capsys: pytest.CaptureFixture[str]) -> None:

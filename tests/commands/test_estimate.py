@@ -66,7 +66,8 @@ def test_several_captures_go_to_folders_of_their_names(run: Run, capture: Path, 
     assert code == 0
     assert (tmp_path / "out" / "ball" / "result.json").is_file()
     assert (tmp_path / "out" / "other" / "result.json").is_file()
-    assert "relative rms error" in out
+    assert "rms error" in out
+    assert "2 captures: 2 converged." in out
 
 
 def test_a_bad_capture_among_several_does_not_stop_the_others(run: Run, capture: Path, tmp_path: Path) -> None:

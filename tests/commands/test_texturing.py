@@ -146,7 +146,7 @@ def test_a_capture_that_has_changed_is_refused(run: Run, views: list[Path]) -> N
         (("--to", "textures", "--size", "0"), "--size is a number of texels from 1 to 16384"),
         (("--to", "merl", "--size", "64"), "--size is that of textures, and --to merl has none"),
         (("--to", "mitsuba", "--fitted", "--size", "64"), "--fitted writes no textures"),
-        (("--to", "mitsuba", "-o", "../../vase.xml"), "vase.obj: is read and would be overwritten"),
+        (("--to", "mitsuba", "-o", "../../vase.xml"), "vase.obj: exists and may not be from an earlier export"),
     ],
 )
 def test_what_makes_no_textures_is_refused(

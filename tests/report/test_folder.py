@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import stat
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +12,7 @@ from matest.brdf import OrenNayar
 from matest.capture import Capture
 from matest.estimation.prediction import PredictionErrors
 from matest.photographs.images import read_image
-from matest.report import folder as folders
-from matest.report.folder import check_destination, whole_folder, write_prediction, write_result
+from matest.report.folder import check_destination, write_prediction, write_result
 from matest.report.picture_size import PictureSize
 from matest.shading import render
 from tests.captures import refusal
@@ -30,80 +28,6 @@ def tree(path: Path) -> dict[str, bytes]:
 @pytest.fixture
 def capture() -> Capture:
     return Studio(size=16, lights=coloured()[:2]).photograph(OrenNayar([0.7, 0.6, 0.5], 0.5236), seed=1)
-
-
-def fail_inside(out: Path, error: type[BaseException] = RuntimeError) -> None:
-    with whole_folder(out) as temporary:
-        (temporary / "half.txt").write_text("half")
-        raise error
-
-
-def test_a_folder_appears_when_its_block_ends(tmp_path: Path) -> None:
-    out = tmp_path / "deep" / "er" / "matest"
-    with whole_folder(out) as temporary:
-        (temporary / "result.json").write_text("{}")
-        assert not out.exists()
-        assert temporary.parent == out.parent
-    assert tree(tmp_path / "deep") == {"er/matest/result.json": b"{}"}
-
-
-def test_a_new_folder_takes_the_place_of_the_old_one_whole(tmp_path: Path) -> None:
-    out = tmp_path / "matest"
-    out.mkdir()
-    (out / "result.json").write_text("old")
-    (out / "stale.png").write_text("old")
-    with whole_folder(out) as temporary:
-        (temporary / "result.json").write_text("new")
-    assert tree(tmp_path) == {"matest/result.json": b"new"}
-
-
-@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt, SystemExit])
-def test_an_error_leaves_the_old_result_and_no_temporary_folder(tmp_path: Path, error: type[BaseException]) -> None:
-    out = tmp_path / "matest"
-    out.mkdir()
-    (out / "result.json").write_text("old")
-    with pytest.raises(error):
-        fail_inside(out, error)
-    assert tree(tmp_path) == {"matest/result.json": b"old"}
-    assert [path.name for path in tmp_path.iterdir()] == ["matest"]
-
-
-def test_an_error_without_an_old_result_leaves_nothing(tmp_path: Path) -> None:
-    with pytest.raises(RuntimeError):
-        fail_inside(tmp_path / "matest")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_an_error_while_taking_the_place_brings_the_old_result_back(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    out = tmp_path / "matest"
-    out.mkdir()
-    (out / "result.json").write_text("old")
-    replace = folders.os.replace
-
-    def broken(source: Path, target: Path) -> None:
-        if Path(target) == out and Path(source).name.endswith("new"):
-            raise OSError("disk full")
-        replace(source, target)
-
-    def write() -> None:
-        with whole_folder(out) as temporary:
-            monkeypatch.setattr(
-                folders.os, "replace", lambda s, t: broken(s, t) if s != temporary else broken("new", t)
-            )
-            (temporary / "result.json").write_text("new")
-
-    with pytest.raises(OSError, match="disk full"):
-        write()
-    assert (out / "result.json").read_text() == "old"
-    assert [path.name for path in tmp_path.iterdir()] == ["matest"]
-
-
-def test_others_may_read_the_folder(tmp_path: Path) -> None:
-    with whole_folder(tmp_path / "matest"):
-        pass
-    assert stat.S_IMODE((tmp_path / "matest").stat().st_mode) == 0o755
 
 
 def test_new_places_empty_folders_and_earlier_results_are_good_destinations(tmp_path: Path) -> None:
@@ -144,14 +68,19 @@ def test_a_result_has_every_file_of_the_contract(tmp_path: Path, capture: Captur
     said: list[str] = []
     write_result(clay(), capture, tmp_path / "matest", said.append)
     pictures = {f"images/{k:02d}_{kind}.png" for k in range(2) for kind in ("photo", "render", "residual")}
-    expected = {"result.json", "material.json", "report.html", "profile.csv", "images/mean_residual.png"}
+    expected = {"result.json", "material.json", "report.html", "profile.csv"} | {
+        "manifest.json",
+        "images/mean_residual.png",
+    }
     assert set(tree(tmp_path / "matest")) == expected | pictures
     assert said == ["writing the report"]
 
 
 def test_a_result_without_pictures_has_every_other_file(tmp_path: Path, capture: Capture) -> None:
     write_result(clay(), capture, tmp_path / "matest", pictures=PictureSize.NONE)
-    assert set(tree(tmp_path / "matest")) == {"result.json", "material.json", "report.html", "profile.csv"}
+    assert set(tree(tmp_path / "matest")) == {"result.json", "material.json", "report.html", "profile.csv"} | {
+        "manifest.json"
+    }
     assert "<img" not in (tmp_path / "matest" / "report.html").read_text("utf-8")
 
 
@@ -160,6 +89,27 @@ def test_result_json_and_material_json_are_those_of_the_estimate(tmp_path: Path,
     content = json.loads((tmp_path / "matest" / "result.json").read_text("utf-8"))
     assert content == json.loads(json.dumps(written.to_dict()))
     assert json.loads((tmp_path / "matest" / "material.json").read_text("utf-8")) == clay().material_dict()
+
+
+def test_what_differs_between_two_runs_comes_last_in_result_json(tmp_path: Path, capture: Capture) -> None:
+    provenance = {"matest": "0.1.0", "inputs": {"00.png": "sha256:0"}}
+    texts = []
+    for run, seconds in (("first", 1.0), ("second", 2.0)):
+        one = clay(provenance={**provenance, "command": run}, timing_s={"fit": seconds})
+        write_result(one, capture, tmp_path / run)
+        texts.append((tmp_path / run / "result.json").read_text("utf-8"))
+    first, second = (text.partition('"command"') for text in texts)
+    assert first[0] == second[0]
+    assert "warnings" in first[0]
+    assert first[2] != second[2]
+
+
+def test_the_manifest_names_what_was_asked_for_and_every_file(tmp_path: Path, capture: Capture) -> None:
+    write_result(clay(), capture, tmp_path / "matest", request={"model": "oren-nayar"})
+    content = json.loads((tmp_path / "matest" / "manifest.json").read_text("utf-8"))
+    assert content["request"] == {"model": "oren-nayar"}
+    assert content["inputs"] == capture.digests()
+    assert {*content["files"], "manifest.json"} == set(tree(tmp_path / "matest"))
 
 
 def test_timing_is_completed(tmp_path: Path, capture: Capture) -> None:

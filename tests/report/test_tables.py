@@ -21,7 +21,6 @@ from matest.report.tables import (
     prediction_table,
     presets_table,
     recipes_table,
-    summary_table,
 )
 from tests.estimates import FIXED, LOST, SIGMA, clay
 
@@ -114,12 +113,6 @@ def test_errors_of_the_calibration_are_readable_in_80_columns() -> None:
     assert ["vignetting", "1", "-0.00012", "±", "0.00053", "0.05", "(assumed)"] in rows
     assert ["direction", "2", "0°", "2.86°", "(assumed)"] in rows
     assert "…" not in table
-
-
-def test_a_capture_that_failed_says_why_in_its_line() -> None:
-    text = printed(summary_table({"vase": clay(), "cup": "no mesh"}))
-    assert "oren-nayar" in next(line for line in text.splitlines() if "vase" in line)
-    assert "no mesh" in next(line for line in text.splitlines() if "cup" in line)
 
 
 def test_an_image_without_a_usable_pixel_has_no_error() -> None:

@@ -1,0 +1,56 @@
+"""Dask: the same results as without, a worker less or not, and a plain word where there is none."""
+
+from __future__ import annotations
+
+import builtins
+from typing import Any
+
+import pytest
+
+from matest import cluster
+from matest.cluster import in_cluster
+from matest.errors import WorkError
+from matest.pool import Lost
+from tests.captures import refusal
+
+
+class Future:
+    """The end of a task, as Dask tells it."""
+
+    def __init__(self, status: str, value: Any = None) -> None:
+        self.status, self.value = status, value
+
+    def result(self) -> Any:
+        return self.value
+
+    exception = result
+
+
+class KilledWorker(Exception):
+    """What Dask calls it."""
+
+
+def test_every_end_of_a_task_has_its_meaning() -> None:
+    assert cluster._result(Future("finished", 5), "tcp://a:1") == 5
+    assert isinstance(cluster._result(Future("error", KilledWorker()), "tcp://a:1"), Lost)
+    with pytest.raises(WorkError, match=r"tcp://a:1: the scheduler was lost\."):
+        cluster._result(Future("lost"), "tcp://a:1")
+    with pytest.raises(WorkError, match=r"its workers cannot do it .ModuleNotFoundError: No module named 'matest'.*"):
+        cluster._result(Future("error", ModuleNotFoundError("No module named 'matest'")), "tcp://a:1")
+
+
+def test_without_dask_the_way_to_it_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    present = builtins.__import__
+
+    def absent(name: str, *rest: Any) -> Any:
+        if name.startswith("dask"):
+            raise ImportError(name)
+        return present(name, *rest)
+
+    monkeypatch.setattr(builtins, "__import__", absent)
+    assert 'pip install "matest-brdf[cluster]"' in refusal(lambda: [*in_cluster(str, [1], "local")])
+
+
+@pytest.mark.slow
+def test_workers_of_this_machine_give_every_item_its_result() -> None:
+    assert dict(in_cluster(str, range(5), "local")) == {number: str(number) for number in range(5)}

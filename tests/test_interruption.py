@@ -1,0 +1,41 @@
+"""Signals that ask to end: within two seconds, whatever a library is at."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+# A call of a library that no signal interrupts, with a folder that is not whole.
+STUCK = """
+import hashlib, sys
+from pathlib import Path
+from matest import interruption
+folder = Path(sys.argv[1])
+folder.mkdir()
+interruption.UNFINISHED.add(folder)
+with interruption.watched(), interruption.sentence(lambda: "3 of 4 are complete."):
+    print("here", flush=True)
+    hashlib.pbkdf2_hmac("sha256", b"", b"", 1_000_000_000)
+"""
+
+
+@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
+def test_a_process_that_does_not_hear_ends_and_takes_along_what_is_not_whole(tmp_path: Path, kind: int) -> None:
+    command = [sys.executable, "-c", STUCK, str(tmp_path / "part")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        # Until the call has begun.
+        time.sleep(0.3)
+        begin = time.monotonic()
+        process.send_signal(kind)
+        _, err = process.communicate(timeout=20)
+    assert process.returncode == 1
+    assert err == "matest: 3 of 4 are complete.\n"
+    assert time.monotonic() - begin < 5
+    assert not (tmp_path / "part").exists()
