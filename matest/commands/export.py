@@ -164,9 +164,10 @@ def _write(
     from matest.commands.texturing import merge_results
     from matest.estimation.result import load_material
     from matest.export import TARGETS, gltf, mitsuba
+    from matest.report.maps import has_maps
 
     folder = results[0] if results[0].is_dir() else results[0].parent
-    mapped, merged = (folder / "maps").is_dir(), None
+    mapped, merged = has_maps(folder), None
     if (mapped or len(results) > 1) and to in _TEXTURED and not fitted:
         try:
             merged = merge_results(results, size, say)

@@ -131,12 +131,13 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
     if mistake is None:
         said = [*standing_out(outcome.images), *said]
     if selection and mistake is None:
-        said += sentences(selection, outcome.refined, explained=bool(outcome.diagnosis))
+        said += sentences(selection, outcome.refined, explained=bool(outcome.diagnosis), mapped=bool(options.maps))
     said += outcome.notes
     if options.automatic and options.maps and not by_maps:
         said.append(
-            f"The model was chosen with one value of {', '.join(options.maps)} for all pixels: that takes what differs "
-            f"between them for its own. Maps choose it from {FEWEST_IMAGES} photographs on; --model names another."
+            f"The model was chosen with one value of {' and '.join(options.maps)} for all pixels: that takes what "
+            f"differs between them for its own. Maps choose it from {FEWEST_IMAGES} photographs on; --model names "
+            "another."
         )
     if directions := direction_note(capture.scene, outcome.material):
         said.append(directions)

@@ -23,6 +23,7 @@ from matest.inference.map_calibration import MapBudget, over_all
 from matest.inference.map_jackknife import FEWEST_IMAGES, map_jackknife
 from matest.inference.map_residuals import MapResiduals
 from matest.inference.quantities import ParameterEstimate
+from matest.parameters import Role
 from matest.progress import Progress
 from matest.samples.account import CalibratedSamples
 from matest.samples.uncertainty import Uncertainty
@@ -177,11 +178,27 @@ def mapped_names(problem: Problem, word: str) -> list[str]:
     if word == ALBEDO and bodies:
         return bodies
     found = [name for name in problem.free if word in (name, name.rpartition(".")[2])]
+    if not found and (held := _held(problem, word)):
+        raise InputError(
+            f"--maps {word}: {held[0]} is held at a value; leave --fix away or add --free {held[0]}, or "
+            f"{_choices(able)}."
+        )
     if not found:
         raise InputError(f"--maps {word}: {problem.brdf.expression} estimates no such parameter; {_choices(able)}.")
     if found[0] not in able:
         raise InputError(f"--maps {word}: it is one number for the whole capture; {_choices(able)}.")
     return found[:1]
+
+
+def _held(problem: Problem, word: str) -> list[str]:
+    """The parameters that a word of `--maps` stands for and that are held, but for the scale of the lights."""
+    bodies = body_albedos(problem.brdf) if word == ALBEDO else ()
+    return [
+        name
+        for name in problem.held
+        if problem.brdf.declared[name].role is not Role.GAUGE
+        and (word in (name, name.rpartition(".")[2]) or name in bodies)
+    ]
 
 
 def mappable(problem: Problem) -> list[str]:

@@ -37,7 +37,10 @@ def predict(material: Brdf, capture: Capture) -> tuple[np.ndarray, list[float | 
     Raises:
         InputError: the material has a value per channel for another number of channels, or per pixel for another
             number of pixels.
+        TypeError: something else than a material.
     """
+    if not isinstance(material, Brdf):
+        raise TypeError(f"predict takes a material, then a capture; got {type(material).__name__} as the material.")
     material = material.replace(optics(material, capture.scene))
     errors = prediction_errors(capture, material).images
     return render(capture.scene, material).detach().numpy(), errors

@@ -28,13 +28,16 @@ _MOST_RIVALS = 3
 _DIGITS = 2
 
 
-def sentences(selection: Selection, refined: Sequence[str] = (), *, explained: bool = False) -> Iterator[str]:
+def sentences(
+    selection: Selection, refined: Sequence[str] = (), *, explained: bool = False, mapped: bool = False
+) -> Iterator[str]:
     """What a person should know of the choice of the model.
 
     Args:
         selection: that was made, with the calibration as it is stated.
         refined: families of its errors that were estimated afterwards.
         explained: whether causes of residuals are told already.
+        mapped: whether what one value for all pixels does not explain is left to maps.
     """
     best = selection.best
     if not best.holds and refined:
@@ -42,9 +45,9 @@ def sentences(selection: Selection, refined: Sequence[str] = (), *, explained: b
             f"Models were compared with the calibration as it is stated, under which none predicts {selection.unit}s "
             f"left out to their noise; errors of {', '.join(refined)} were refined for the best of them."
         )
-    elif not best.holds:
+    elif not best.holds and not mapped:
         yield _nothing_holds(selection, explained)
-    else:
+    elif best.holds:
         yield from (_equivalent(best, rival) for rival in equivalents(best, selection.trials))
     if selection.unfit:
         scale = ", or take up the unknown strength of the lights" if selection.relative else ""

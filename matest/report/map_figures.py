@@ -77,8 +77,15 @@ def value_scale(each: ParameterMap, unit: str) -> Scale:
 
 
 def std_scale(each: ParameterMap) -> Scale:
-    """The scale of the standard errors, from 0; of several channels their mean."""
-    return Scale(0.0, _rounded_up(_quantile(each.std.double().numpy().mean(axis=1), 1 - _BEYOND)))
+    """The scale of the standard errors, from 0; of several channels their mean.
+
+    It ends where an error is as large as the largest value: of a pixel with a larger one nothing is known.
+    """
+    largest, widest = (
+        _rounded_up(_quantile(np.abs(part.double().numpy()).mean(axis=1), 1 - _BEYOND))
+        for part in (each.value, each.std)
+    )
+    return Scale(0.0, min(largest, widest))
 
 
 def value_picture(each: ParameterMap, surface: Surface, scale: Scale) -> np.ndarray:
@@ -148,13 +155,17 @@ def _figures(name: str, estimate: Estimate, previews: Mapping[str, str]) -> list
     scale = value_scale(each, unit)
     shown = [
         ("", name + _exposure(scale), _key(scale, unit)),
-        ("std", f"standard error of {name}{of_channels}", _key(std_scale(each), unit)),
+        ("std", f"standard error of {name}{of_channels}{_beyond(each)}", _key(std_scale(each), unit)),
         ("known", f"what is known of {name}", _status_key(each)),
     ]
     if smooth is not None:
         shown += [
             ("smooth", f"{name}, smoothed{_exposure(scale)}", _key(scale, unit)),
-            ("smooth_std", f"standard error of {name}, smoothed{of_channels}", _key(std_scale(smooth), unit)),
+            (
+                "smooth_std",
+                f"standard error of {name}, smoothed{of_channels}{_beyond(smooth)}",
+                _key(std_scale(smooth), unit),
+            ),
         ]
     return [
         f'<figure><img src="{previews[picture_file(name, kind)]}" alt="{escape(caption)}">'
@@ -172,6 +183,12 @@ def _status_key(each: ParameterMap) -> str:
         for status in present
     )
     return f'<figcaption class="legend">{"<br>".join(swatches)}</figcaption>'
+
+
+def _beyond(each: ParameterMap) -> str:
+    """That standard errors pass the end of their scale, as a clause; empty where hardly any does."""
+    share = float((each.std.mean(dim=1) > std_scale(each).upper).double().mean())
+    return f", larger at {share:.1%} of the pixels" if share > 2 * _BEYOND else ""
 
 
 def _exposure(scale: Scale) -> str:

@@ -9,7 +9,7 @@ import torch
 
 from matest.errors import InputError
 from matest.estimation.parameter_map import ParameterMap, TexelStatus, map_file
-from matest.estimation.result import Estimate
+from matest.estimation.result import Estimate, read_result
 from matest.photographs.images import read_image, write_image
 from matest.report.map_figures import picture_file, pictures
 from matest.report.previews import drawing
@@ -87,6 +87,21 @@ def load_maps(folder: str | Path, surface: Surface) -> dict[str, ParameterMap]:
     return {name: _read(folder, name, surface) for name in (file.name.removesuffix(_STATUS) for file in files)}
 
 
+def has_maps(folder: Path) -> bool:
+    """Whether a result folder has maps.
+
+    Raises:
+        InputError: its result names some that are not there.
+    """
+    there = (folder / "maps").is_dir()
+    if not there and (folder / "result.json").is_file() and (lost := read_result(folder).get("maps")):
+        raise InputError(
+            f"{folder / 'maps'}: is missing, while result.json names maps of {' and '.join(lost)}; copy the whole "
+            "result folder, or estimate with --maps again."
+        )
+    return there
+
+
 def view_difference(folder: str | Path, surface: Surface) -> str:
     """In what a surface differs from the one that a result folder has maps of, as a clause; empty where it has none.
 
@@ -94,7 +109,7 @@ def view_difference(folder: str | Path, surface: Surface) -> str:
         InputError: no result folder, a file that is missing or damaged.
     """
     folder = _result_folder(folder)
-    if not (folder / "maps").is_dir():
+    if not has_maps(folder):
         return ""
     file = folder / VIEW
     if not file.is_file():

@@ -139,7 +139,9 @@ def _calibration(estimate: Estimate) -> str:
 
 
 def _diagnosis(estimate: Estimate) -> str:
-    """Causes of residuals; that there are none where the model describes photographs."""
+    """Causes of residuals; that there are none where the model describes photographs, or that none were looked for."""
+    if not estimate.diagnosis and estimate.maps:
+        return "<p>Beside maps, causes of residuals are not looked for.</p>"
     if not estimate.diagnosis:
         return "<p>No cause of residuals beside the noise was found.</p>" if estimate.images else ""
     body = [(cause.message, chi2(cause.chi2_before), chi2(cause.chi2_after)) for cause in estimate.diagnosis]

@@ -27,6 +27,7 @@ from matest.report.format import (
     MISFIT_COLUMNS,
     PARAMETER_COLUMNS,
     candidate_cells,
+    listed,
     misfit_cells,
     rows,
     share,
@@ -86,10 +87,17 @@ def estimate_table(estimate: Estimate) -> Group:
         *(_calibration(estimate) if estimate.nuisance else ()),
         Text(estimate.fit.message),
         Text(_errors(estimate)),
+        *(Text(sentence) for sentence in _means(estimate)),
         *(Text(sentence) for sentence in status_sentences(estimate.maps)),
         *(Text(f"Note: {warning}", style="yellow") for warning in estimate.warnings),
         Text(stages(estimate.timing_s), style="dim"),
     )
+
+
+def _means(estimate: Estimate) -> list[str]:
+    """Which values of the table are means of maps, as a sentence; none where none is."""
+    means = [name for name in estimate.maps if estimate.parameters[name].value is not None]
+    return [f"Values of {listed(means)} in the table are means over the pixels."] if means else []
 
 
 def _calibration(estimate: Estimate) -> tuple[Table, Text, Text]:
@@ -116,7 +124,8 @@ def _errors(estimate: Estimate) -> str:
     if saturated := estimate.skipped.get("samples", {}).get("saturated", 0):
         sentence += f" and {saturated:,} with a saturated channel"
     if estimate.holdout:
-        sentence += f", {share(estimate.holdout['relative_rmse'])} on the images left out"
+        error, median = (share(estimate.holdout[kind]) for kind in ("relative_rmse", "median_error"))
+        sentence += f", {error} on the images left out (median error of a pixel {median})"
     return sentence + "."
 
 

@@ -29,7 +29,8 @@ class Trainable(nn.Module):
         relative: whether the strength of the lights is unknown, as in a capture of relative radiometry. Then albedos
             may be above 1, and `interreflection`, which is 1 only if that strength is known, trains too.
         dtype: of the parameters.
-        maps: names (in a sum: paths) of parameters with a value at every pixel, one name or several.
+        maps: names (in a sum: paths) of parameters with a value at every pixel, as ["albedo", "sigma"] or
+            "albedo,sigma".
         texels: N, the pixels of the object, as `len(capture.scene.surface)`; it goes with `maps`.
 
     Raises:
@@ -48,7 +49,7 @@ class Trainable(nn.Module):
         texels: int | None = None,
     ) -> None:
         super().__init__()
-        self.maps = (maps,) if isinstance(maps, str) else tuple(maps)
+        self.maps = tuple(name.strip() for name in maps.split(",")) if isinstance(maps, str) else tuple(maps)
         self.texels = texels
         for name in (*fixed, *self.maps):
             if name not in brdf.declared:

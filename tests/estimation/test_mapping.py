@@ -54,6 +54,8 @@ def test_albedo_is_that_of_the_body_whatever_it_is_called() -> None:
     ("options", "sentence"),
     [
         ({"maps": "gloss"}, "--maps gloss: oren-nayar estimates no such parameter; name one of albedo, sigma"),
+        ({"maps": "albedo", "fix": {"albedo": 0.5}}, "--maps albedo: albedo is held at a value; leave --fix away"),
+        ({"maps": "interreflection"}, "--maps interreflection: oren-nayar estimates no such parameter"),
         ({"maps": "albedo", "regions": 0}, "--regions is a number of materials from 1 to 50"),
         ({"regions": 2}, "--regions 2 says where maps share values: name the parameters with --maps"),
         ({"maps": " , "}, "--maps names no parameter: name one, such as --maps albedo, or omit it"),
@@ -80,7 +82,7 @@ def test_a_result_folder_has_the_maps(tmp_path) -> None:
     assert (std[known > 0] > 0).all()
     assert json.loads((tmp_path / "out" / "result.json").read_text("utf-8"))["maps"]["albedo"]["determined"] > 0.8
     page = (tmp_path / "out" / "report.html").read_text("utf-8")
-    assert 'src="maps/albedo.png"' in page
+    assert 'alt="albedo as sRGB shows it, white at ' in page
     assert (tmp_path / "out" / "maps" / "albedo_std.png").is_file()
     # The material that is stored has one value: a folder can be read by other programs as before.
     assert matest.load_material(tmp_path / "out").parameters["albedo"].shape == (3,)

@@ -95,6 +95,11 @@ def test_samples_of_a_tile_take_the_values_of_their_own_pixels() -> None:
     torch.testing.assert_close(mapped_radiance(TRUTH, samples.texels)(tile), expected, rtol=1e-5, atol=1e-7)
 
 
+def test_a_capture_in_the_place_of_the_material_is_told() -> None:
+    with pytest.raises(TypeError, match="predict takes a material, then a capture; got Capture as the material"):
+        matest.predict(photographs(), mapped().material)  # type: ignore[arg-type]
+
+
 def test_values_of_other_pixels_or_channels_are_refused() -> None:
     few = OrenNayar(albedo()[:100], SIGMA)
     with pytest.raises(InputError, match="albedo has values of 100: a map belongs to the view it was estimated in"):

@@ -118,6 +118,10 @@ def test_what_is_known_is_seen_in_colours_with_a_legend() -> None:
 
 def test_standard_errors_begin_at_nothing() -> None:
     assert std_scale(rough()) == Scale(0.0, pytest.approx(0.01))
+    lost = rough()
+    lost.std[:50] = 500.0
+    # Errors far above all values say no more than that nothing is known there.
+    assert std_scale(lost) == Scale(0.0, pytest.approx(0.5))
     assert (std_picture(rough(), SURFACE)[~SURFACE.mask] == GREY).all()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -95,6 +96,16 @@ def test_a_result_without_maps_has_none(tmp_path: Path) -> None:
     assert load_maps(tmp_path / "out", surface()) == {}
     with pytest.raises(InputError, match="expected a result folder"):
         load_maps(tmp_path / "nowhere", surface())
+
+
+def test_maps_that_the_result_names_and_the_folder_lacks_are_missed(tmp_path: Path) -> None:
+    write_result(mapped(), photographs(), tmp_path / "out")
+    shutil.rmtree(tmp_path / "out" / "maps")
+    for read in (load_maps, view_difference):
+        with pytest.raises(
+            InputError, match=r"maps: is missing, while result.json names maps of albedo; copy the whole"
+        ):
+            read(tmp_path / "out", surface())
 
 
 @pytest.mark.parametrize("file", ["albedo.exr", "albedo_std.exr", "normals.png"])

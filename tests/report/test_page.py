@@ -17,6 +17,7 @@ from matest.report.page import page
 from matest.report.picture_size import PictureSize
 from matest.report.previews import LARGE_SIDE, SMALL_SIDE, PagePictures, Preview
 from tests.estimates import LOST, SIGMA, clay
+from tests.mapped import mapped
 from tests.report.pages import read, words
 from tests.simulated import Studio, coloured
 
@@ -79,6 +80,13 @@ def test_only_the_row_of_the_chosen_model_is_bold() -> None:
     assert text.count("<tr class=bold>") == 1
     assert text.split("<tr class=bold>")[1].startswith("<td>oren-nayar</td>")
     assert "chosen: the simplest" not in words(text)
+
+
+def test_beside_maps_no_cause_of_residuals_is_said_to_be_absent() -> None:
+    estimate = mapped()
+    text = words(page(estimate, names(len(estimate.images) + 1), None))
+    assert "Beside maps, causes of residuals are not looked for." in text
+    assert "No cause" not in text
 
 
 def test_what_was_not_asked_for_is_not_on_the_page() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from io import StringIO
 from typing import Any
 
@@ -23,6 +24,7 @@ from matest.report.tables import (
     recipes_table,
 )
 from tests.estimates import FIXED, LOST, SIGMA, clay
+from tests.mapped import mapped
 
 
 def printed(table: RenderableType, colour: bool = False) -> str:
@@ -87,11 +89,19 @@ def test_an_estimate_shows_errors_what_was_left_out_and_warnings() -> None:
         "of one or two images four horizontal bands of each; of a measured table incidences",
         "0.5236 ± 0.0021 rad",
         "relative rms error 1.13%, 120,000 of 123,456 samples and 5 with a saturated channel, "
-        "2.00% on the images left out.",
+        "2.00% on the images left out (median error of a pixel 1.30%).",
         "Note: Noise was estimated from the images.",
         "fit 0.30 s",
     ):
         assert part in text
+
+
+def test_means_of_maps_are_called_so() -> None:
+    sentence = "Values of albedo in the table are means over the pixels."
+    assert sentence in words(estimate_table(mapped()))
+    assert "are means" not in words(estimate_table(clay()))
+    lost = {"albedo": LOST}
+    assert "are means" not in words(estimate_table(replace(mapped(), parameters=lost)))
 
 
 def test_errors_of_the_calibration_are_readable_in_80_columns() -> None:

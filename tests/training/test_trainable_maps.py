@@ -41,6 +41,7 @@ def test_a_map_starts_at_the_value_of_the_model_at_every_pixel() -> None:
     assert material.map("albedo").shape == (7, 3)
     assert material.map("sigma").shape == (7, 1)
     torch.testing.assert_close(material.map("albedo")[4], torch.tensor([0.2, 0.4, 0.6]))
+    assert Trainable(OrenNayar(), maps="albedo, sigma", texels=7).maps == material.maps
 
 
 def test_a_map_starts_from_values_at_every_pixel() -> None:
