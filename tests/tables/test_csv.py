@@ -80,6 +80,8 @@ def test_rows_below_the_horizon_and_gaps_are_left_out(tmp_path: Path) -> None:
     ("text", "words"),
     [
         ("a,b,c,d,e\n1,2,3,4,5\n", "expected the columns theta_i,phi_i,theta_r,phi_r"),
+        ("# a\ntheta_i;phi_i;theta_r;phi_r;value\n", "line 2 has semicolons between the columns; save it with commas"),
+        ("theta_i\tphi_i\ttheta_r\tphi_r\tvalue\n", "line 1 has tabs between the columns"),
         ("theta_i,phi_i,theta_r,phi_r,value\n0.1,0,0.2,bright,1\n", "expected 5 numbers in line 2"),
         ("theta_i,phi_i,theta_r,phi_r,value\n0.1,0,0.2\n", "expected 5 numbers in line 2"),
         ("theta_i,phi_i,theta_r,phi_r,value\n", "there are none"),

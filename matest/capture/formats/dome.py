@@ -51,7 +51,9 @@ def _read(files: tuple[Path, ...]) -> Content:
         assumptions.append("all lights are equally strong")
     # So that they shine with about π on the middle of the surface, as lights of unknown strength do elsewhere.
     power = math.pi * (math.fsum(_squared(vector) for vector in vectors) / len(vectors) if near else 1.0)
-    strengths = [[power / factor for factor in factors] for factors in adjustments or [[1.0]] * len(vectors)]
+    strengths: list[list[float] | None] = [None] * len(vectors)
+    if near or adjustments is not None:
+        strengths = [[power / factor for factor in factors] for factors in adjustments or [[1.0]] * len(vectors)]
     tables = CaptureFile(
         geometry=geometry,
         mask=None if mask is None else mask.name,
@@ -69,7 +71,9 @@ def _read(files: tuple[Path, ...]) -> Content:
     )
 
 
-def _light(vector: Vector, strength: list[float], near: bool) -> LightTable:
+def _light(vector: Vector, strength: list[float] | None, near: bool) -> LightTable:
+    if strength is None:
+        return LightTable(direction=vector)
     power = strength[0] if len({*strength}) == 1 else strength
     return LightTable(position=vector, intensity=power) if near else LightTable(direction=vector, irradiance=power)
 
