@@ -243,8 +243,8 @@ def _poor_fit(context: Context) -> Iterator[str]:
     if statistics.relative_rmse_trimmed > _POOR_ERROR and not by_noise and not context.explained:
         yield (
             f"The model misses the images by {statistics.relative_rmse_trimmed:.0%}: check encoding.transfer, the "
-            "directions of the lights and their order, and that y of lights and of normal maps is up and z toward the "
-            "viewer, or try another model."
+            "directions of the lights, their order and their axes (light_axes), and that normal maps have y up and z "
+            "toward the viewer, or try another model."
         )
 
 

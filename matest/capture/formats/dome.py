@@ -39,10 +39,10 @@ def _read(files: tuple[Path, ...]) -> Content:
     vectors = dome.positions(configuration) if near else dome.vectors("directions")
     _check(file, vectors)
     photographs = folder.images_in_order(file, len(vectors))
-    geometry, mask = folder.geometry(file.parent, spheres=not near), folder.mask(file.parent)
+    mask = folder.mask(file.parent)
     assumptions = ["the photographs have the lights of the file in the order of their names"]
+    geometry = dome.plane(folder.normal_map(file.parent)) if near else folder.geometry(file.parent)
     if near:
-        geometry = dome.plane(geometry)
         assumptions.append("the surface lies in the plane z = 0, with the origin at the centre of the image")
     elif geometry.shape is not None:
         assumptions.append("the mask is the outline of a sphere")
@@ -162,14 +162,14 @@ class _Dome:
                 )
         return positions
 
-    def plane(self, geometry: GeometryTable) -> GeometryTable:
+    def plane(self, normals: Path | None) -> GeometryTable:
         """The normal map of a flat surface, as wide as the image."""
-        if geometry.normals is None:
+        if normals is None:
             raise InputError(
                 f"{self.file}: positions of lights belong to a surface in the plane z = 0, which needs a normal map "
                 "(normals.exr) in the folder; for another shape say directional, or write a capture.toml."
             )
-        return GeometryTable(normals=geometry.normals, width=self._length("imageWidth"))
+        return GeometryTable(normals=normals.name, width=self._length("imageWidth"))
 
     def adjustments(self, count: int) -> list[list[float]] | None:
         """By what the pixels of each photograph are to be multiplied; None where nothing is said."""

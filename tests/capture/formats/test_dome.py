@@ -111,7 +111,7 @@ def test_positions_need_a_flat_surface(tmp_path: Path) -> None:
     dome(tmp_path)
     (tmp_path / "normals.npy").unlink()
     put_image(tmp_path / "mask.png", (255 * inside_sphere()).astype(np.uint8))
-    assert "put a normal map" in refusal(lambda: matest.load_capture(tmp_path))
+    assert "which needs a normal map" in refusal(lambda: matest.load_capture(tmp_path))
     (tmp_path / "ball.ply").write_text("ply\n", "ascii")
     assert "which needs a normal map" in refusal(lambda: matest.load_capture(tmp_path))
 
