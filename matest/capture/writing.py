@@ -17,7 +17,10 @@ def as_toml(content: dict[str, Any]) -> str:
 
 def changes(table: msgspec.Struct) -> dict[str, Any]:
     """The keys of a table that differ from their defaults, as plain values."""
-    defaults = {f.name: f.default for f in msgspec.structs.fields(table)}
+    defaults = {
+        f.name: f.default if f.default_factory is msgspec.NODEFAULT else f.default_factory()
+        for f in msgspec.structs.fields(table)
+    }
     plain = msgspec.to_builtins(table)
     return {
         key: [changes(entry) for entry in getattr(table, key)] if key == "lights" else value

@@ -65,7 +65,7 @@ def export(
     A lobe that the other program has is converted to its conventions; otherwise its nearest one is fitted. Without -o
     the file lies beside the result folder, named like it. It replaces that of an earlier export and no other.
     """
-    from matest.estimation.result import material_is_relative
+    from matest.estimation.result import material_is_relative, not_determined
     from matest.export import TARGETS
 
     if to not in (*TARGETS, _TEXTURES):
@@ -83,10 +83,15 @@ def export(
         else:
             file = out or folder.with_name(folder.name + TARGETS[to].SUFFIX)
             if file.is_dir() or not file.absolute().parent.is_dir():
-                raise InputError(f"{file}: expected a file name in an existing folder; give one with -o.")
+                raise InputError(
+                    f"{file}: expected a file name in a folder that exists; make it, or give another with -o."
+                )
             _keep_others(file)
             conversion, merged = _write(results, to, file, size, say, fitted=fitted)
             content, lines = _content(conversion, file, to, merged), _lines(conversion, merged)
+    for each in results:
+        if names := not_determined(each):
+            note(f"{each} does not determine {', '.join(names)}: what was written for them may be far off.")
     if all(map(material_is_relative, results)):
         note(f"the albedo in {result} is known up to a scale only, and so is the brightness of what was written.")
     if as_json:

@@ -128,7 +128,10 @@ def lights(
     from matest.report.lights import lights_record, lights_report
 
     if out.suffix.lower() == ".toml" or out.is_dir() or not out.absolute().parent.is_dir():
-        raise InputError(f"{out}: expected the name of a light list, as lights.lp, in an existing folder; give -o.")
+        raise InputError(
+            f"{out}: expected the name of a light list, as lights.lp, in a folder that exists; make it, or give "
+            "another with -o."
+        )
     if white_normal and white is None:
         raise InputError("--white-normal is that of --white FOLDER, the photographs of a flat target; give both.")
     normal = arguments.normal(white_normal) if white_normal else None

@@ -210,6 +210,12 @@ def material_is_relative(path: str | Path) -> bool:
     return _read_material(path).get("radiometry") == "relative"
 
 
+def not_determined(path: str | Path) -> list[str]:
+    """Parameters of a stored material that its data do not determine."""
+    names = _read_material(path).get("not_determined", [])
+    return [str(name) for name in names] if isinstance(names, list) else []
+
+
 def load_material(path: str | Path) -> Brdf:
     """The material of a result folder (or of its `material.json`), ready for shading.
 

@@ -211,7 +211,7 @@ def _empty_images(context: Context) -> Iterator[str]:
     account = context.account
     empty = [account.names[image] for image, count in zip(account.images, account.counts, strict=True) if not count]
     if empty:
-        yield f"{', '.join(empty)} gives no usable pixel: is its light behind the object, or the image clipped?"
+        yield f"No usable pixel in {', '.join(empty)}: is the light behind the object, or the image clipped?"
 
 
 def _outliers(context: Context) -> Iterator[str]:
@@ -243,7 +243,8 @@ def _poor_fit(context: Context) -> Iterator[str]:
     if statistics.relative_rmse_trimmed > _POOR_ERROR and not by_noise and not context.explained:
         yield (
             f"The model misses the images by {statistics.relative_rmse_trimmed:.0%}: check encoding.transfer, the "
-            "directions of the lights, and that normals have y up and z toward the viewer, or try another model."
+            "directions of the lights, their order and their axes (light_axes), and that normal maps have y up and z "
+            "toward the viewer, or try another model."
         )
 
 

@@ -54,7 +54,7 @@ def redundancy(photographs: Photographs, images: Iterable[int]) -> Redundancy:
     """
     images = tuple(images)
     lit = [image for image in images if _lit(photographs, image)]
-    reasons = {image: "its lights are stated to give none" for image in images if image not in lit}
+    reasons = {image: _darkness(photographs, image) for image in images if image not in lit}
     contradictions = {}
     for image, twin in _twins(photographs, lit).items():
         if _stated_alike(photographs, image, twin):
@@ -94,6 +94,11 @@ def _lit(photographs: Photographs, image: int) -> bool:
     """Whether any light of an image is stated to have power."""
     scene = photographs.scene
     return bool((scene.ambient[image] > 0).any()) or any(bool((light.power > 0).any()) for light in scene.lights[image])
+
+
+def _darkness(photographs: Photographs, image: int) -> str:
+    """Why no light falls in an image."""
+    return "its lights are stated to give none" if photographs.scene.lights[image] else "no light is stated for it"
 
 
 def _stated_alike(photographs: Photographs, image: int, other: int) -> bool:

@@ -20,6 +20,8 @@ _DECLARED = re.compile(r"#\s*(\w+)\s*[:=]\s*(.*)$")
 # Similarity (2 · matching letters / letters of both) from which on a word is a slip for a key: of "unit" 0.89, of
 # "azimut" 0.92; "quality", which is none, has 0.8.
 SLIP = 0.85
+# What some programs write between columns.
+_OTHER_MARKS = {";": "semicolons", "\t": "tabs"}
 # A channel of a wavelength in nm.
 _WAVELENGTH = re.compile(r"(\d+(?:\.\d+)?)\s*nm$")
 
@@ -45,7 +47,7 @@ class Text:
         """The text of a file.
 
         Raises:
-            InputError: it is no text.
+            InputError: it is no text, or has something else than commas between its columns.
         """
         try:
             lines = path.read_text("utf-8-sig").splitlines()
@@ -54,7 +56,13 @@ class Text:
         matches = [(number, _DECLARED.match(line.strip())) for number, line in enumerate(lines, 1)]
         comments = [(number, match[1], match[2].strip()) for number, match in matches if match]
         content = [(number, line) for number, line in enumerate(lines, 1) if line.strip() and line[0] != "#"]
-        names = [name.strip() for name in content[0][1].split(",")] if content else []
+        head = content[0][1] if content else ""
+        if "," not in head and (mark := next((mark for mark in _OTHER_MARKS if mark in head), None)):
+            raise InputError(
+                f"{path}: line {content[0][0]} has {_OTHER_MARKS[mark]} between the columns; save it with commas "
+                "between them, and points in the numbers."
+            )
+        names = [name.strip() for name in head.split(",")] if content else []
         return cls(path, names, content[1:], comments)
 
     def cells(self) -> np.ndarray:

@@ -51,6 +51,12 @@ def read(path: Path, declaration: Declaration) -> Table:
         # A negative polar angle of the viewer lies on the other side of the normal.
         over = radians[:, 2] < 0
         radians[over, 2:] = np.stack([-radians[over, 2], radians[over, 3] + np.pi], axis=1)
+        if (odd := readings.other_unit(angles, declaration.units)) and not (
+            declaration.azimuth and declaration.quantity
+        ):
+            raise InputError(
+                f"{odd}, and such angles do not tell the rest; correct the unit, or declare azimuth and quantity too."
+            )
         azimuth = declaration.azimuth or readings.azimuth(radians, values)
         doubts = [*readings.doubts(angles, radians, values, declaration)]
         if azimuth == "forward":

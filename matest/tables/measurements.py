@@ -140,7 +140,7 @@ def read(text: Text, declaration: Declaration) -> Table:
     values, channels, wavelengths, of_channels = in_channels(f, rows.channels, declaration)
     return Table(
         text.path, torch.from_numpy(wi[kept]), torch.from_numpy(wo[kept]), values, channels, wavelengths,
-        relative=not absolute, notes=[_note(rows, numbers, highest), *of_channels],
+        relative=not absolute, notes=[_note(text, rows, numbers, highest), *of_channels],
         skipped={
             "not a number": int((~finite).sum()), "saturated": int((finite & ~unsaturated).sum()),
             "without all channels": int((~whole).sum()), "below the horizon": int((whole & ~above).sum()),
@@ -297,7 +297,7 @@ def _plateau(code: Array, numbers: dict[str, float]) -> float | None:
     return top if count >= _PLATEAU and count > _PILED * below.sum() else None
 
 
-def _note(rows: _Measurements, numbers: dict[str, float], highest: float | None) -> str:
+def _note(text: Text, rows: _Measurements, numbers: dict[str, float], highest: float | None) -> str:
     """How a table was read."""
     clipped = "" if highest is None else f", and {highest:g}, where they pile up, is saturated"
     even = (
@@ -305,7 +305,9 @@ def _note(rows: _Measurements, numbers: dict[str, float], highest: float | None)
     )
     strength = "are equally strong" if rows.intensity is None else "have the intensities of the file"
     lights = len(np.unique(rows.light, axis=0))
+    declared = any(key.lower() == "black" for _, key, _ in text.comments)
+    black = f"{numbers['black']:g}" if declared else "0, as no black level is declared"
     return (
         f"Read as {len(rows.code):,} measurements of {rows.pixel.max() + 1:,} pixels under {lights:,} lights, which "
-        f"{strength} and radiate {even}; codes are proportional to light beyond {numbers['black']:g}{clipped}."
+        f"{strength} and radiate {even}; codes are proportional to light beyond {black}{clipped}."
     )

@@ -60,6 +60,16 @@ def in_radians(angles: np.ndarray, declared: Unit | None) -> tuple[Unit, np.ndar
     return units, angles.copy() if units == "rad" else np.radians(angles)
 
 
+def other_unit(angles: np.ndarray, declared: Unit | None) -> str:
+    """A clause that says so where angles θi, φi, θr, φr [n, 4] clearly have another unit than is declared, or none."""
+    polar, azimuths = np.abs(angles[:, ::2]).max(), np.abs(angles[:, 1::2]).max()
+    if declared == "deg" and polar <= _LARGEST_POLAR and azimuths <= _LARGEST_AZIMUTH:
+        return f"Declared are degrees, but polar angles reach {polar:.3g} only, as if in radians"
+    if declared == "rad" and polar > math.pi:
+        return f"Declared are radians, but polar angles reach {polar:.3g}, as if in degrees"
+    return ""
+
+
 def azimuth(angles: np.ndarray, values: np.ndarray) -> Azimuth:
     """Where light and viewer have the same azimuth, by the side that the highlight lies on.
 
@@ -195,11 +205,8 @@ def doubts(stated: np.ndarray, angles: np.ndarray, values: np.ndarray, declarati
         values: of these [n, C].
         declaration: how they are read.
     """
-    polar, azimuths = np.abs(stated[:, ::2]).max(), np.abs(stated[:, 1::2]).max()
-    if declaration.units == "deg" and polar <= _LARGEST_POLAR and azimuths <= _LARGEST_AZIMUTH:
-        yield f"Declared are degrees, but polar angles reach {polar:.3g} only, as if in radians: {_CHECK}"
-    if declaration.units == "rad" and polar > math.pi:
-        yield f"Declared are radians, but polar angles reach {polar:.3g}, as if in degrees: {_CHECK}"
+    if odd := other_unit(stated, declaration.units):
+        yield f"{odd}: {_CHECK}"
     side = _highlighted_side(angles, values) if declaration.azimuth else None
     if side not in (None, declaration.azimuth):
         yield f"Declared is azimuth {declaration.azimuth}, but the highlight lies where {side} has it: {_CHECK}"

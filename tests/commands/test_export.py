@@ -54,6 +54,13 @@ def test_maps_that_stay_behind_are_named(run: Run, result: Path) -> None:
     assert "do not travel: what was written has their means" in run("export", result, "--to", "materialx")[2]
 
 
+def test_parameters_that_no_data_determine_are_named(run: Run, result: Path) -> None:
+    assert "does not determine" not in run("export", result, "--to", "materialx")[2]
+    content = json.loads((result / "material.json").read_text()) | {"not_determined": ["albedo"]}
+    (result / "material.json").write_text(json.dumps(content))
+    assert f"{result} does not determine albedo: what was written" in run("export", result, "--to", "materialx")[2]
+
+
 def test_a_plugin_is_written_unless_own_lobes_are_asked_for(run: Run, result: Path) -> None:
     content = {"model": "oren-nayar", "parameters": {"albedo": 0.5, "sigma": 0.4, "interreflection": 1.0}}
     (result / "material.json").write_text(json.dumps(content))
@@ -72,7 +79,7 @@ def test_a_plugin_is_written_unless_own_lobes_are_asked_for(run: Run, result: Pa
         (("--to", "gltf", "--fitted"), "--fitted goes with --to mitsuba"),
         (("--to", "gltf", "-o", "ball.obj"), "ball.obj: expected a name that ends in .glb or .gltf"),
         (("--to", "merle"), "did you mean 'merl'?"),
-        (("--to", "merl", "-o", "/nowhere/a.binary"), "expected a file name in an existing folder"),
+        (("--to", "merl", "-o", "/nowhere/a.binary"), "expected a file name in a folder that exists"),
     ],
 )
 def test_what_cannot_be_written_is_refused(run: Run, result: Path, arguments: tuple[str, ...], words: str) -> None:

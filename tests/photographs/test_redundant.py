@@ -153,6 +153,8 @@ def test_an_image_without_light_adds_nothing() -> None:
     assert list(found(capture).images) == [2]
     outcome = estimate(capture, "oren-nayar")
     assert any("stated to give none" in warning for warning in outcome.warnings)
+    unlit = replace(capture.photographs, scene=replace(capture.scene, lights=(*capture.scene.lights[:2], ())))
+    assert redundancy(unlit, range(3)).images == {2: "no light is stated for it"}
     counts = outcome.skipped["samples"]
     every = counts["background"] + counts["rim"] + counts["shadowed"] + counts["idle"] + outcome.fit.samples
     assert every == 3 * 32 * 32

@@ -80,10 +80,16 @@ def test_rows_below_the_horizon_and_gaps_are_left_out(tmp_path: Path) -> None:
     ("text", "words"),
     [
         ("a,b,c,d,e\n1,2,3,4,5\n", "expected the columns theta_i,phi_i,theta_r,phi_r"),
+        ("# a\ntheta_i;phi_i;theta_r;phi_r;value\n", "line 2 has semicolons between the columns; save it with commas"),
+        ("theta_i\tphi_i\ttheta_r\tphi_r\tvalue\n", "line 1 has tabs between the columns"),
         ("theta_i,phi_i,theta_r,phi_r,value\n0.1,0,0.2,bright,1\n", "expected 5 numbers in line 2"),
         ("theta_i,phi_i,theta_r,phi_r,value\n0.1,0,0.2\n", "expected 5 numbers in line 2"),
         ("theta_i,phi_i,theta_r,phi_r,value\n", "there are none"),
         ("theta_i,phi_i,theta_r,phi_r,value\n0.5,0,0.6,180,1\n", "as if in different units"),
+        (
+            "# units: rad\ntheta_i,phi_i,theta_r,phi_r,value\n1,0,1,180,1\n1,0,60,180,1\n",
+            "Declared are radians, but polar angles reach 60, as if in degrees, and such angles do not tell the rest",
+        ),
         ("# units: furlong\n", "line 1: units must be one of rad, deg; got 'furlong'"),
         ("\n# azimuth = toward the light\n", "line 2: azimuth must be one of retro, forward"),
         ("# azimut: retro\n", "line 1: 'azimut' declares nothing; did you mean 'azimuth'"),

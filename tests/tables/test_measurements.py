@@ -28,6 +28,7 @@ def test_a_matte_ball_has_one_reflectance_everywhere(tmp_path: Path, power: floa
     torch.testing.assert_close(shares, expected.expand_as(shares), rtol=1e-5, atol=0)
     torch.testing.assert_close(table.values, table.values[:1].expand_as(table.values), rtol=1e-5, atol=0)
     assert "60 pixels under 12 lights, which are equally strong and radiate by the power" in table.notes[0]
+    assert table.notes[0].endswith(f"beyond {BLACK:g}.")
     # Points of the ball that face away from a light were measured in the dark.
     assert len(table) + table.skipped["below the horizon"] == 60 * 12
 

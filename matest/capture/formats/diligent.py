@@ -53,6 +53,9 @@ def _read(files: tuple[Path, ...]) -> Content:
             raise InputError(f"{directions_file}: light {number} is 0 0 0, which is no direction; correct it.")
     intensities = _intensities(by_name.get(_INTENSITIES), directions_file, len(directions))
     names, notes = _images(by_name.get(_NAMES), directions_file, len(directions))
+    tables = [by_name[name] for name in (DIRECTIONS, _INTENSITIES) if name in by_name]
+    if commas := [file.name for file in tables if any("," in text for _, text in lines_of(file))]:
+        notes = (*notes, f"{' and '.join(commas)}: decimal commas are read as points.")
     geometry = folder.geometry(place, spheres=False)
     mask = folder.mask(place)
     linear = _sixteen_bits(place / names[0])
@@ -106,7 +109,7 @@ def _images(file: Path | None, directions_file: Path, count: int) -> tuple[list[
     if len({*names}) < count:
         twice = next(name for name in names if names.count(name) > 1)
         raise InputError(f"{file}: names {twice} twice; each light has a photograph of its own. Correct the list.")
-    return names, ()
+    return names, tuple(folder.unlisted(file, names))
 
 
 def _sixteen_bits(path: Path) -> bool:

@@ -39,10 +39,10 @@ def _read(files: tuple[Path, ...]) -> Content:
     vectors = dome.positions(configuration) if near else dome.vectors("directions")
     _check(file, vectors)
     photographs = folder.images_in_order(file, len(vectors))
-    geometry, mask = folder.geometry(file.parent, spheres=not near), folder.mask(file.parent)
+    mask = folder.mask(file.parent)
     assumptions = ["the photographs have the lights of the file in the order of their names"]
+    geometry = dome.plane(folder.normal_map(file.parent)) if near else folder.geometry(file.parent)
     if near:
-        geometry = dome.plane(geometry)
         assumptions.append("the surface lies in the plane z = 0, with the origin at the centre of the image")
     elif geometry.shape is not None:
         assumptions.append("the mask is the outline of a sphere")
@@ -51,7 +51,9 @@ def _read(files: tuple[Path, ...]) -> Content:
         assumptions.append("all lights are equally strong")
     # So that they shine with about π on the middle of the surface, as lights of unknown strength do elsewhere.
     power = math.pi * (math.fsum(_squared(vector) for vector in vectors) / len(vectors) if near else 1.0)
-    strengths = [[power / factor for factor in factors] for factors in adjustments or [[1.0]] * len(vectors)]
+    strengths: list[list[float] | None] = [None] * len(vectors)
+    if near or adjustments is not None:
+        strengths = [[power / factor for factor in factors] for factors in adjustments or [[1.0]] * len(vectors)]
     tables = CaptureFile(
         geometry=geometry,
         mask=None if mask is None else mask.name,
@@ -69,7 +71,9 @@ def _read(files: tuple[Path, ...]) -> Content:
     )
 
 
-def _light(vector: Vector, strength: list[float], near: bool) -> LightTable:
+def _light(vector: Vector, strength: list[float] | None, near: bool) -> LightTable:
+    if strength is None:
+        return LightTable(direction=vector)
     power = strength[0] if len({*strength}) == 1 else strength
     return LightTable(position=vector, intensity=power) if near else LightTable(direction=vector, irradiance=power)
 
@@ -158,14 +162,14 @@ class _Dome:
                 )
         return positions
 
-    def plane(self, geometry: GeometryTable) -> GeometryTable:
+    def plane(self, normals: Path | None) -> GeometryTable:
         """The normal map of a flat surface, as wide as the image."""
-        if geometry.normals is None:
+        if normals is None:
             raise InputError(
                 f"{self.file}: positions of lights belong to a surface in the plane z = 0, which needs a normal map "
                 "(normals.exr) in the folder; for another shape say directional, or write a capture.toml."
             )
-        return GeometryTable(normals=geometry.normals, width=self._length("imageWidth"))
+        return GeometryTable(normals=normals.name, width=self._length("imageWidth"))
 
     def adjustments(self, count: int) -> list[list[float]] | None:
         """By what the pixels of each photograph are to be multiplied; None where nothing is said."""

@@ -166,8 +166,22 @@ def image_named(file: Path, name: str, line: int) -> str:
     there = images(folder)
     raise InputError(
         f"{file}: line {line} names '{parts[-1] if parts else name}', and there is no such file in the folder, whose "
-        f"photographs are {some(there) if there else 'missing'}; lights go by name, not by order: correct the names."
+        f"photographs are {some(there) if there else 'missing'}; lights go by name, not by order: put it there or "
+        "correct the name."
     )
+
+
+def unlisted(file: Path, names: Sequence[str]) -> list[str]:
+    """A sentence on the images beside a list of lights that it does not name, where there are some.
+
+    Args:
+        file: the list.
+        names: of its photographs, relative to its folder.
+    """
+    others = [image for image in images(file.parent) if image.name not in {*names}]
+    if not others:
+        return []
+    return [f"Not in {file.name}, and so left out: {some(others)}."]
 
 
 def some(files: Sequence[Path]) -> str:

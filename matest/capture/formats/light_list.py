@@ -74,7 +74,7 @@ def _read(files: tuple[Path, ...]) -> Content:
         tables=folder.with_view(tables, file.parent),
         axes="x right, y up, z toward the viewer",
         assumptions=tuple(assumptions),
-        notes=tuple(_notes(lights, images)),
+        notes=(*_notes(lights, images), *folder.unlisted(file, images)),
         open_causes=("lights y down",) if judged else (),
     )
 
@@ -122,9 +122,11 @@ def _notes(lights: Sequence[Light], images: Sequence[str]) -> list[str]:
             f"{odd} of {len(lights)} lights are no unit vectors (lengths {min(lengths):.3g} to {max(lengths):.3g}): "
             "their directions count, not their lengths."
         )
-    if moved := [light.name for light, image in zip(lights, images, strict=True) if light.name != image]:
+    if other := [(light.name, image) for light, image in zip(lights, images, strict=True) if light.name != image]:
+        name, image = other[0]
         notes.append(
-            f"The list names photographs elsewhere ({moved[0]}): the files of these names beside the list are read."
+            f"{len(other)} of {len(lights)} photographs are read though the list names them otherwise: {image} for "
+            f"{name}. Folders of another computer and the case of letters do not count."
         )
     if sorted(images) != list(images):
         notes.append("The list is not in the order of the photographs' names: lights go by name.")

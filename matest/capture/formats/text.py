@@ -25,7 +25,7 @@ def lines_of(path: Path) -> list[tuple[int, str]]:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); put it there or correct its rights.") from None
     if b"\0" in content:
-        raise InputError(f"{path}: expected a text file; got binary data. Export it again.")
+        raise InputError(f"{path}: expected a text file in UTF-8; got UTF-16 or binary data. Save it as UTF-8.")
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError:

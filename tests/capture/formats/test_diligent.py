@@ -157,3 +157,16 @@ def test_missing_directions_and_normals_are_named(laboratory: Path) -> None:
     assert "put a normal map" in refusal(lambda: matest.load_capture(laboratory))
     (laboratory / "light_directions.txt").unlink()
     assert "expected light_directions.txt beside" in refusal(lambda: matest.load_capture(laboratory))
+
+
+def test_what_is_unusual_in_a_folder_is_said(laboratory: Path) -> None:
+    usual = matest.load_capture(laboratory)
+    rewrite(laboratory / "light_directions.txt", lambda text: text.replace(".", ","))
+    put_image(laboratory / "preview.png", np.full((40, 48, 3), 90, np.uint8))
+    capture = matest.load_capture(laboratory)
+    assert capture.scene.lights[0][0].direction.tolist() == usual.scene.lights[0][0].direction.tolist()
+    added = {*capture.photographs.notes} - {*usual.photographs.notes}
+    assert added == {
+        "light_directions.txt: decimal commas are read as points.",
+        "Not in filenames.txt, and so left out: preview.png.",
+    }

@@ -50,7 +50,9 @@ def test_a_raised_centre_lifts_the_lights(tmp_path: Path) -> None:
 
 def test_directions_are_distant_lights(tmp_path: Path) -> None:
     dome(tmp_path, lightConfiguration="directional")
-    lights = [light for (light,) in matest.load_capture(tmp_path).scene.lights]
+    capture = matest.load_capture(tmp_path)
+    assert capture.understood["lights"].endswith("all equally strong")
+    lights = [light for (light,) in capture.scene.lights]
     assert all(isinstance(light, DirectionalLight) for light in lights)
     np.testing.assert_allclose([light.direction.tolist() for light in lights], [unit(light) for light in LIGHTS])
 
@@ -109,7 +111,7 @@ def test_positions_need_a_flat_surface(tmp_path: Path) -> None:
     dome(tmp_path)
     (tmp_path / "normals.npy").unlink()
     put_image(tmp_path / "mask.png", (255 * inside_sphere()).astype(np.uint8))
-    assert "put a normal map" in refusal(lambda: matest.load_capture(tmp_path))
+    assert "which needs a normal map" in refusal(lambda: matest.load_capture(tmp_path))
     (tmp_path / "ball.ply").write_text("ply\n", "ascii")
     assert "which needs a normal map" in refusal(lambda: matest.load_capture(tmp_path))
 

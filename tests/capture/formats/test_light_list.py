@@ -59,7 +59,7 @@ SHARED = {
 }
 NOTES = {
     "plain.lp": "1 of 3 lights are no unit vectors (lengths 1 to 2)",
-    "crlf_windows.lp": "names photographs elsewhere (C:\\rti\\a.jpg)",
+    "crlf_windows.lp": "2 of 2 photographs are read though the list names them otherwise: a.jpg for C:\\rti\\a.jpg.",
     "decimal_comma.lp": "1 of 2 lights are written with decimal commas",
 }
 
@@ -140,3 +140,15 @@ def test_a_folder_without_shape_says_what_to_put_there(laboratory: Path) -> None
 def test_only_lists_are_of_this_layout(laboratory: Path) -> None:
     assert layout.LAYOUT.find(laboratory) == (laboratory / "sphere.lp",)
     assert layout.LAYOUT.find(laboratory / "mask.png") == ()
+
+
+def test_photographs_that_the_list_lacks_are_named(laboratory: Path) -> None:
+    def without_the_first(text: str) -> str:
+        count, first, *others = text.splitlines()
+        left_out.append(first.split()[0])
+        return "\n".join([str(int(count) - 1), *others]) + "\n"
+
+    left_out: list[str] = []
+    assert not any(note.startswith("Not in") for note in load(laboratory).photographs.notes)
+    rewrite(laboratory / "sphere.lp", without_the_first)
+    assert f"Not in sphere.lp, and so left out: {left_out[0]}." in load(laboratory).photographs.notes
