@@ -24,6 +24,7 @@ Value = TypeVar("Value")
 _BETWEEN_ASSIGNMENTS = re.compile(r"\s*,\s*(?=[a-z][\w.-]*\s*=)")
 # Options that several commands take.
 Json = Annotated[bool, typer.Option("--json", help="Print machine-readable JSON on standard output.")]
+Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only, and what --json asks for.")]
 Transfer = Annotated[
     str | None, typer.Option(help="How pixels encode light: linear, srgb or a gamma; overrides the capture's.")
 ]
