@@ -71,8 +71,9 @@ def figure_16() -> Drawn:
         share = np.divide(new_ - without, new_, out=np.zeros_like(new_), where=new_ > 0.05 * new_.max())
         sentences.append(
             f"With the light {light}, forward scattering is {(new_ - without).sum() / new_.sum():.1%} of all light "
-            f"that comes from the sphere and up to {share.max():.0%} of that of a place (not darker than a twentieth of "
-            f"the brightest); the constructed sphere gives {new_.sum() / old.sum() - 1:.0%} more light than He-Torrance's."
+            f"that comes from the sphere and up to {share.max():.0%} of that of a place (not darker than a twentieth "
+            f"of the brightest); the constructed sphere gives {new_.sum() / old.sum() - 1:.0%} more light than "
+            "He-Torrance's."
         )
     measured = (
         "Above: light 80° above the line of sight, white at radiance 0.35; below: behind the sphere, 130°, white at "
