@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import functools
 import importlib
+import inspect
 import io
 import os
 import sys
 import warnings
+from collections.abc import Callable
 from typing import Annotated, Any
 
 import typer
 
 import matest
 from matest import commands, interruption
+from matest.commands.arguments import Quiet
+from matest.commands.console import hushed
 from matest.errors import BAD_INPUT, NO_MEMORY, WORK_FAILED, InputError, WorkError, out_of_memory, own_fault, printable
 
 # Of typer's own in some versions, of click in others.
@@ -106,8 +111,23 @@ def application() -> typer.Typer:
     app.callback(invoke_without_command=True)(_root)
     for name in commands.COMMANDS:
         module = importlib.import_module(f"matest.commands.{name}")
-        app.command(epilog=f"Example: {module.EXAMPLE}")(getattr(module, name))
+        app.command(epilog=f"Example: {module.EXAMPLE}")(_with_quiet(getattr(module, name)))
     return app
+
+
+def _with_quiet(command: Callable[..., None]) -> Callable[..., None]:
+    """A command with one more option, `--quiet`."""
+
+    @functools.wraps(command)
+    def run(*, quiet: bool, **options: Any) -> None:
+        with hushed(quiet):
+            command(**options)
+
+    option = inspect.Parameter("quiet", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Quiet)
+    options = [*inspect.signature(command, eval_str=True).parameters.values(), option]
+    run.__signature__ = inspect.Signature(options)  # type: ignore[attr-defined]
+    run.__annotations__ = {option.name: option.annotation for option in options}
+    return run
 
 
 def _root(

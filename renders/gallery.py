@@ -30,7 +30,7 @@ they are clipped and rounded.
 | [figure-13](figure-13) | the vase lit from the viewer and from 20° beside it |
 
 [benchmark](benchmark) has pictures of run time and error. Not here: Li & Torrance's figure 3, a mirror-like rough
-sphere in its surroundings, which needs a picture of these as a light.
+sphere in its surroundings, of which there is no picture to light it with.
 """
 
 

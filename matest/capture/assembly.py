@@ -143,7 +143,6 @@ def realise(
     description, of_camera = with_camera(description, images.shape)
     description, of_lights = in_world(description)
     tables = description.tables
-    between = "Light that one object sends to another is not modelled; the shadows between them are."
     surface = visible_surface(description, images.shape, supersampling, precision)
     encoding = _encoding(description, images, surface, transfer)
     powers_stated = all(light.power_stated for image in tables.image for light in image.lights)
@@ -156,7 +155,7 @@ def realise(
         saturation_stated=tables.encoding.saturation is not None,
         relative=tables.encoding.radiometry == "relative" or not powers_stated,
         names=description.names,
-        notes=(*of_camera, *of_lights, *([between] if tables.object else [])),
+        notes=(*of_camera, *of_lights, *([] if surface.objects is None else surface.objects.notes)),
     )
 
 

@@ -26,6 +26,7 @@ _BETWEEN_ASSIGNMENTS = re.compile(r"\s*,\s*(?=[a-z][\w.-]*\s*=)")
 _SIZE = re.compile(r"(\d+\.?\d*)\s*([KMGT])(i?)B?", re.IGNORECASE)
 # Options that several commands take.
 Json = Annotated[bool, typer.Option("--json", help="Print machine-readable JSON on standard output.")]
+Quiet = Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only, and what --json asks for.")]
 Transfer = Annotated[
     str | None, typer.Option(help="How pixels encode light: linear, srgb or a gamma; overrides the capture's.")
 ]

@@ -1,4 +1,4 @@
-"""Output of the commands: a progress bar, tables, JSON, notes."""
+"""Output of the commands: a progress bar, tables, JSON, notes; all but JSON can be hushed."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -17,11 +18,24 @@ from matest.progress import Progress, silent
 if TYPE_CHECKING:
     from rich.console import Console
 
+# Whether nothing is printed but errors and what --json asks for.
+_hushed: ContextVar[bool] = ContextVar("hushed", default=False)
+
+
+@contextmanager
+def hushed(quiet: bool) -> Iterator[None]:
+    """Within, where `quiet`: no progress, tables and notes."""
+    before = _hushed.set(quiet)
+    try:
+        yield
+    finally:
+        _hushed.reset(before)
+
 
 @contextmanager
 def progress(title: str) -> Iterator[Progress]:
     """A progress bar that names the present step; nothing in a pipe."""
-    if not sys.stderr.isatty():
+    if _hushed.get() or not sys.stderr.isatty():
         yield silent
         return
     from rich import progress as bars
@@ -43,7 +57,7 @@ def progress(title: str) -> Iterator[Progress]:
 @contextmanager
 def progress_over(total: int) -> Iterator[Callable[[], None]]:
     """A progress bar over captures, to be called for each that is done: rate, remaining time; nothing in a pipe."""
-    if not sys.stderr.isatty():
+    if _hushed.get() or not sys.stderr.isatty():
         yield lambda: None
         return
     from rich import progress as bars
@@ -68,7 +82,7 @@ def console(*, stderr: bool = False) -> Console:
     from rich.console import Console
 
     # File names may have brackets, which are markup to rich.
-    return Console(highlight=False, markup=False, stderr=stderr)
+    return Console(highlight=False, markup=False, stderr=stderr, quiet=_hushed.get())
 
 
 def print_json(content: Any) -> None:
@@ -77,4 +91,5 @@ def print_json(content: Any) -> None:
 
 
 def note(text: str) -> None:
-    print(f"matest: note: {printable(text)}", file=sys.stderr)
+    if not _hushed.get():
+        print(f"matest: note: {printable(text)}", file=sys.stderr)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from matest.commands import arguments
-from matest.commands.console import note, print_json, progress
+from matest.commands.console import console, note, print_json, progress
 
 EXAMPLE = "matest render renders/vase/scene.toml -o vase-capture"
 
@@ -34,4 +34,4 @@ def render(
     else:
         for sentence in simulated.notes:
             note(sentence)
-        typer.echo(f"Written to {folder}")
+        console().print(f"Written to {folder}", soft_wrap=True)

@@ -254,9 +254,11 @@ def _material_file(path: str | Path) -> Path:
 def _read_material(path: str | Path) -> dict[str, Any]:
     file = _material_file(path)
     if not file.is_file():
-        raise InputError(
-            f"{path}: expected a result folder of 'matest estimate', with a material.json; check the path."
-        )
+        # The result of several captures, or of several objects, is a folder of folders.
+        within = sorted(Path(path).glob("*/material.json"))
+        names = ", ".join(one.parent.name for one in within)
+        mend = f"it holds those of {names}: name one" if within else "check the path"
+        raise InputError(f"{path}: expected a result folder of 'matest estimate', with a material.json; {mend}.")
     try:
         content = json.loads(file.read_text("utf-8"))
         _ = content["model"], content["parameters"].items()

@@ -77,7 +77,7 @@ def read_image_file(path: Path, *, coloured: bool = True) -> ImageFile:
         number, them = ("1 pixel holds", "it") if count == 1 else (f"{count:,} pixels hold", "them")
         raise InputError(
             f"{path}: expected numbers below {LARGEST:g}; {number} NaN, infinity or larger ones. Set {them} to 0 in "
-            f"the file and leave {them} out of the mask."
+            f"the file; in a photograph leave {them} out of the mask too."
         )
     notes = raster.notes
     if coloured and raster.to_rec709 is not None:

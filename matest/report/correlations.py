@@ -9,6 +9,8 @@ from matest.estimation.result import Estimate
 
 # Side of a cell, in units of the drawing.
 _CELL = 44
+# Correlation from which on the colour of a square is too deep for numbers in the colour of the text.
+_DEEP = 0.85
 # Width of a letter likewise, at most: names are left of the cells and, on end, above them.
 _LETTER = 7
 # Names that a drawing has place for.
@@ -74,4 +76,6 @@ def _cell(x: float, y: float, value: float, *, number: bool) -> str:
     )
     if not number:
         return square
-    return f'{square}<text x="{x + _CELL / 2}" y="{y + _CELL / 2 + 4}" text-anchor="middle">{value:.2f}</text>'
+    place = f'x="{x + _CELL / 2}" y="{y + _CELL / 2 + 4}"'
+    tone = ' class="bright"' if abs(value) > _DEEP else ""
+    return f'{square}<text{tone} {place} text-anchor="middle">{value:.2f}</text>'

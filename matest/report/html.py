@@ -2,8 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from html import escape
+
+# An option of the command line, which lines may break after its hyphens.
+_OPTION = re.compile(r"--[a-z][a-z-]*")
+
+
+def sentence(text: str) -> str:
+    """A text whose options are kept in one piece."""
+    return _OPTION.sub(r'<span class="option">\g<0></span>', escape(text))
 
 
 def html_table(head: Sequence[str], body: Sequence[Sequence[str]], kind: str = "", bold: Sequence[int] = ()) -> str:
@@ -26,7 +35,7 @@ def facts(values: Mapping[str, str]) -> str:
 
 def items(texts: Sequence[str]) -> str:
     """A list of texts."""
-    return f"<ul>{''.join(f'<li>{escape(text)}</li>' for text in texts)}</ul>"
+    return f"<ul>{''.join(f'<li>{sentence(text)}</li>' for text in texts)}</ul>"
 
 
 def meter(share: float, kind: str = "meter") -> str:

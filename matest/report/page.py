@@ -20,7 +20,7 @@ from matest.report.format import (
     rows,
     share,
 )
-from matest.report.html import facts, html_table, items, provenance, time_bars
+from matest.report.html import facts, html_table, items, provenance, sentence, time_bars
 from matest.report.map_figures import maps_section
 from matest.report.pictures import MEAN_RANGE
 from matest.report.previews import PagePictures
@@ -96,7 +96,7 @@ def parameters(estimate: Estimate) -> str:
         for row in rows(name, parameter, channels)
     ]
     table = html_table((*PARAMETER_COLUMNS, "meaning"), body)
-    return "\n".join([table, *(f'<p class="warning">{escape(warning)}</p>' for warning in estimate.warnings)])
+    return "\n".join([table, *(f'<p class="warning">{sentence(warning)}</p>' for warning in estimate.warnings)])
 
 
 def closing_sections(estimate: Estimate) -> list[Section]:

@@ -35,6 +35,14 @@ class Objects:
         """Names and numbers of the objects that any pixel shows."""
         return {name: number for number, name in enumerate(self.names) if self.pixels_of(number).any()}
 
+    @property
+    def notes(self) -> list[str]:
+        """What is to know of a picture of them, in sentences."""
+        between = "Light that one object sends to another is not modelled; the shadows between them are."
+        hidden = [name for name in self.names if name not in self.seen]
+        sentence = f"No pixel shows {', '.join(hidden)}: outside the image or the mask, or behind the others."
+        return [between, *([sentence] if hidden else [])]
+
     def number(self, name: str | None, label: str) -> int:
         """The number of an object.
 

@@ -64,15 +64,16 @@ def figure_16() -> Drawn:
     new = preset("red-paint")
     models = {"He-Torrance": HE_PAINT, "constructed": new, "without forward": new.replace({"k_fs": 0 * new.k_fs})}  # type: ignore[attr-defined]
     rows, sentences = [], []
-    for number, (light, white) in enumerate((("overhead", 0.35), ("overhead, behind", 1.2))):
+    for number, (light, white) in enumerate((("overhead", 0.35), ("behind", 1.2))):
         images = {name: rendered(scene, brdf, number) for name, brdf in models.items()}
         rows.append([Panel(image, f"{name},\nlight {light}", white) for name, image in images.items()])
         new_, without, old = (images[name].sum(-1) for name in ("constructed", "without forward", "He-Torrance"))
         share = np.divide(new_ - without, new_, out=np.zeros_like(new_), where=new_ > 0.05 * new_.max())
         sentences.append(
-            f"With the light {light} forward scattering is {(new_ - without).sum() / new_.sum():.1%} of all light that "
-            f"comes from the sphere and up to {share.max():.0%} of that of a place (not darker than a twentieth of the "
-            f"brightest); the constructed sphere gives {new_.sum() / old.sum() - 1:.0%} more light than He-Torrance's."
+            f"With the light {light}, forward scattering is {(new_ - without).sum() / new_.sum():.1%} of all light "
+            f"that comes from the sphere and up to {share.max():.0%} of that of a place (not darker than a twentieth "
+            f"of the brightest); the constructed sphere gives {new_.sum() / old.sum() - 1:.0%} more light than "
+            "He-Torrance's."
         )
     measured = (
         "Above: light 80° above the line of sight, white at radiance 0.35; below: behind the sphere, 130°, white at "

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from matest.commands.console import note, print_json, progress, progress_over
+from matest.commands.console import console, hushed, note, print_json, progress, progress_over
 from matest.progress import silent
 
 
@@ -46,3 +46,13 @@ def test_a_pipe_gets_no_progress_bar(capsys: pytest.CaptureFixture[str]) -> None
         assert say is silent
         say("reading", 1, 2)
     assert capsys.readouterr() == ("", "")
+
+
+def test_only_json_is_printed_where_the_rest_is_hushed(capsys: pytest.CaptureFixture[str]) -> None:
+    with hushed(True):
+        note("the albedo is relative.")
+        console().print("a table")
+        print_json({})
+    assert capsys.readouterr() == ("{}\n", "")
+    note("again")
+    assert capsys.readouterr().err == "matest: note: again\n"

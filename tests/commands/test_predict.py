@@ -30,6 +30,14 @@ def test_a_prediction_without_pictures_is_its_radiance_and_errors(run: Run, capt
     assert names == {"00.exr", "01.exr", "02.exr", "profile.csv", "prediction.json"}
 
 
+def test_a_folder_of_results_is_refused_with_their_names(run: Run, made: Path, tmp_path: Path) -> None:
+    for name in ("vase", "ball"):
+        (tmp_path / "results" / name).mkdir(parents=True)
+        (tmp_path / "results" / name / "material.json").touch()
+    code, _, err = run("predict", tmp_path / "results", made)
+    assert (code, "it holds those of ball, vase: name one" in err) == (2, True)
+
+
 def test_a_material_of_other_channels_is_refused(run: Run, capture: Path, tmp_path: Path) -> None:
     grey = scenes.material("lambert", albedo=0.5)
     lights = scenes.distant(scenes.LIGHTS[:2])

@@ -36,3 +36,19 @@ def test_a_scene_that_cannot_be_read_is_refused_in_one_line(run: Run, scene: Pat
     assert (code, out) == (2, "")
     assert "did you mean 'lambert'?" in err
     assert err.count("\n") == 1
+
+
+def test_an_object_outside_the_view_is_told(run: Run, tmp_path: Path) -> None:
+    ball = '[[object]]\nname = "{}"\nposition = {}\nshape = "sphere"\nradius = 0.4\nmaterial.model = "lambert"\n'
+    camera = '[camera]\nkind = "orthographic"\nheight = 1\nposition = [0, 0, 5]\nresolution = [16, 16]\n'
+    objects = ball.format("here", [0, 0, 0]) + ball.format("far", [50, 0, 0])
+    scene = scenes.write(tmp_path / "scene", objects, camera, scenes.distant(scenes.LIGHTS[:1]))
+    code, _, err = run("render", scene)
+    assert (code, "No pixel shows far: outside the image" in err) == (0, True)
+
+
+def test_a_quiet_command_writes_and_prints_nothing(run: Run, scene: Path, tmp_path: Path) -> None:
+    assert run("render", scene, "-o", tmp_path / "out", "--quiet") == (0, "", "")
+    assert (tmp_path / "out" / "capture.toml").is_file()
+    scene.unlink()
+    assert run("render", scene, "-q")[0] == 2

@@ -17,7 +17,7 @@ import pytest
 import torch
 
 from matest.brdf import Brdf, CookTorrance, OrenNayar, model
-from matest.capture import Capture
+from matest.capture import Capture, load_capture
 from matest.estimation.photographs import PhotographFit
 from matest.estimation.result import Estimate
 from matest.inference.quantities import ParameterEstimate
@@ -26,6 +26,8 @@ from matest.report.folder import write_result
 from matest.report.previews import LARGE_SIDE
 from matest.report.raster import Raster
 from matest.report.relight import EXPOSURE, Relighting, relighting
+from matest.simulate import simulate
+from tests import scenes
 from tests.captures import changed
 from tests.estimates import clay
 from tests.mapped import mapped, photographs
@@ -243,6 +245,23 @@ def test_the_worst_photograph_is_shown_first_and_others_by_key(opened: Opened) -
     assert page.locator("#viewer .name").text_content() == opened.capture.names[int(second)]
 
 
+def test_tab_reaches_one_row_of_the_table(opened: Opened) -> None:
+    buttons = opened.page.locator("tr[data-image] button")
+    buttons.first.focus()
+    buttons.first.press("ArrowDown")
+    assert opened.page.evaluate("[...document.querySelectorAll('tr[data-image] button')].map(one => one.tabIndex)") == [
+        -1,
+        0,
+        *[-1] * (len(opened.capture) - 2),
+    ]
+
+
+def test_sliders_say_their_value_in_words(opened: Opened) -> None:
+    for slider in opened.page.locator("#relight input[type=range]").all():
+        shown = slider.locator("xpath=preceding-sibling::output").text_content()
+        assert slider.get_attribute("aria-valuetext") == shown
+
+
 def test_a_head_sorts_by_its_column(opened: Opened) -> None:
     heads = opened.page.locator("table.sortable th")
     for order in ("descending", "ascending"):
@@ -261,6 +280,29 @@ def profile(page: Page, name: str) -> np.ndarray:
     return (192 - heights) / 184
 
 
+def handle_place(page: Page, end: str) -> tuple[float, float]:
+    """Where an end of the line is, in shares of the picture."""
+    style = page.locator(f"#viewer .handle.{end}").get_attribute("style")
+    across, down = re.findall(r"([\d.]+)%", style)
+    return float(across) / 100, float(down) / 100
+
+
+def test_the_line_crosses_an_object_that_is_small_and_off_the_middle(browser: Browser, tmp_path: Path) -> None:
+    material, place = OrenNayar(0.7, 0.5), "centre = [48, 52]\nradius = 8"
+    corner = scenes.sphere(64).replace("centre = [32.0, 32.0]\nradius = 28.8", place)
+    assert place in corner
+    values = scenes.material("oren-nayar", albedo=[0.7, 0.7, 0.7], sigma=0.5)
+    scene = scenes.write(tmp_path / "scene", values, corner, scenes.distant(scenes.LIGHTS[:3]))
+    capture = load_capture(simulate(scene))
+    one = in_browser(browser, (made_up(material, capture), capture, RELIT_MATTE), tmp_path / "report")
+    start, end = handle_place(one.page, "from"), handle_place(one.page, "to")
+    assert start[1] == end[1]
+    assert 44 < 64 * start[1] < 60
+    assert 36 < 64 * start[0] < 48 < 64 * end[0] < 60
+    assert profile(one.page, "modelled").max() > 0.5
+    one.page.context.close()
+
+
 def test_the_profile_follows_the_drag(opened: Opened) -> None:
     page, capture = opened.page, opened.capture
     page.locator("tr[data-image='1'] button").click()
@@ -269,6 +311,7 @@ def test_the_profile_follows_the_drag(opened: Opened) -> None:
     pad = page.locator("#viewer .compare .pad")
     pad.scroll_into_view_if_needed()
     box = pad.bounding_box()
+    start = handle_place(page, "from")
     handle = page.locator("#viewer .handle.to").bounding_box()
     page.mouse.move(handle["x"] + handle["width"] / 2, handle["y"] + handle["height"] / 2)
     page.mouse.down()
@@ -280,7 +323,7 @@ def test_the_profile_follows_the_drag(opened: Opened) -> None:
     surface = capture.scene.surface
     image = surface.image(capture.radiance(1).mean(axis=1))
     share = np.linspace(0, 1, len(measured))
-    x, y = (start + share * (stop - start) for start, stop in zip((0.08, 0.5), end, strict=True))
+    x, y = (one + share * (other - one) for one, other in zip(start, end, strict=True))
     side = surface.shape[0]
     truth = image[(y * side).astype(int), (x * side).astype(int)]
     assert len(measured) > 20

@@ -33,6 +33,11 @@ def test_signs_have_colours() -> None:
     assert 'class="cell minus"' not in correlations(clay())
 
 
+def test_numbers_on_deep_colours_are_bright() -> None:
+    assert correlations(clay(correlation=matrix(4, 0.9))).count('<text class="bright"') == 12
+    assert "bright" not in correlations(clay(correlation=matrix(4, 0.8)))
+
+
 def test_names_are_text() -> None:
     drawn = correlations(clay(labels=["<b>x", "a", "b", "c"]))
     assert "b" not in read(drawn).tags

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from matest.report.html import facts, html_table, items, meter, provenance, time_bars
+from matest.report.html import facts, html_table, items, meter, provenance, sentence, time_bars
 from tests.report.pages import read, words
 
 EVIL = "<b>&"
@@ -16,10 +16,11 @@ EVIL = "<b>&"
         html_table([EVIL], [[EVIL]]),
         facts({EVIL: EVIL}),
         items([EVIL]),
+        sentence(EVIL),
         time_bars({EVIL: 1.0}),
         provenance({"command": EVIL, "inputs": {EVIL: EVIL}}),
     ],
-    ids=["table", "facts", "items", "times", "provenance"],
+    ids=["table", "facts", "items", "sentence", "times", "provenance"],
 )
 def test_texts_of_others_are_never_markup(drawn: str) -> None:
     assert "b" not in read(drawn).tags
@@ -44,3 +45,7 @@ def test_sums_of_files_are_folded_away() -> None:
     assert "SHA-256 of 1 file as read" in words(drawn)
     assert "<details>" in drawn
     assert provenance({}) == ""
+
+
+def test_options_of_the_command_line_stay_in_one_piece() -> None:
+    assert sentence("or --refine blur.") == 'or <span class="option">--refine</span> blur.'

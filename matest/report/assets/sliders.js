@@ -50,14 +50,25 @@
     return `${rounded(value)} rad, ${rounded((value * 180) / Math.PI)}°`;
   };
 
-  // A slider between two ends that calls `change` with its value; returns the input.
-  const slider = (attributes, ends, value, log, change) => {
+  // A slider between two ends, beside `output`, that calls `change` with its value; returns the input.
+  const slider = (name, ends, value, log, output, said, change) => {
     const [to, from] = log ? [Math.log, Math.exp] : [Number, Number];
     const [min, max] = ends.map(to);
-    const input = element("input", { type: "range", min, max, step: (max - min) / 400 || 1, ...attributes });
+    const input = element("input", { type: "range", min, max, step: (max - min) / 400 || 1, "aria-label": name });
     input.value = to(value);
     if (min === max) input.disabled = true;
-    input.addEventListener("input", () => change(from(Number(input.value))));
+    const say = (value) => {
+      output.textContent = said(value);
+      // The number of a logarithmic slider means nothing to who listens.
+      input.setAttribute("aria-valuetext", said(value));
+    };
+    say(value);
+    input.addEventListener("input", () => {
+      const chosen = from(Number(input.value));
+      say(chosen);
+      change(chosen);
+      update();
+    });
     return input;
   };
 
@@ -65,12 +76,11 @@
     const mapped = parameter.map !== undefined;
     const rows = initial(parameter).map((start, channel) => {
       const name = [parameter.name, mapped ? "" : parameter.channels[channel]].join(" ").trim();
-      const output = element("output", {}, spoken(parameter, start));
+      const output = element("output");
       const ends = mapped ? [0, 2] : [parameter.lower[channel], parameter.upper[channel]];
-      const input = slider({ "aria-label": name }, ends, start, parameter.log && !mapped, (value) => {
+      const said = (value) => spoken(parameter, value);
+      const input = slider(name, ends, start, parameter.log && !mapped, output, said, (value) => {
         state.values[number][channel] = value;
-        output.textContent = spoken(parameter, value);
-        update();
       });
       const known = mapped ? undefined : parameter.estimates[channel];
       return element("label", {}, element("b", {}, name), output, input, element("small", {}, known ? `estimate ${known}` : ""));
@@ -90,11 +100,9 @@
       controls();
       stand(data.lights[0].direction);
     });
-    const shown = element("output", {}, "1×");
-    const exposure = slider({ "aria-label": "exposure" }, [1 / 8, 8], 1, true, (value) => {
+    const shown = element("output");
+    const exposure = slider("exposure", [1 / 8, 8], 1, true, shown, (value) => `${rounded(value)}×`, (value) => {
       state.brighter = value;
-      shown.textContent = `${rounded(value)}×`;
-      update();
     });
     form.replaceChildren(
       element("label", { class: "choice" }, element("b", {}, "light as in"), lights),

@@ -20,6 +20,11 @@
     table.tBodies[0].append(...rows);
   };
 
+  // Tab reaches one row of a table only, that which was used last: 96 would be in the way.
+  const reach = (table, used) => {
+    for (const button of table.tBodies[0].querySelectorAll("button")) button.tabIndex = button === used ? 0 : -1;
+  };
+
   const step = (event, table) => {
     const arrow = matest.arrow(event);
     if (arrow === null || arrow[1] === 0) return;
@@ -35,5 +40,7 @@
       head.querySelector("button").addEventListener("click", () => sort(table, head));
     }
     table.tBodies[0].addEventListener("keydown", (event) => step(event, table));
+    table.tBodies[0].addEventListener("focusin", (event) => reach(table, event.target));
+    reach(table, table.tBodies[0].querySelector("button"));
   }
 })();

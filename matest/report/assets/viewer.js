@@ -8,6 +8,8 @@
 
   // See previews.py.
   const [CODES, ZERO, STEPS] = [3, 128, 511];
+  // Of the line past the object at first, in shares of the picture.
+  const BEYOND = 0.03;
   const part = (name) => root.querySelector(name);
   const [photo, render] = [part(".photo"), part(".render")];
   const canvas = part("canvas.residual");
@@ -23,8 +25,10 @@
     return { low: read("--darker"), zero: read("--agree"), high: read("--brighter"), none: read("--idle") };
   };
 
+  const rounded = (value) => Number(value.toPrecision(2));
+
   // Standard deviations of full colour: the slider is logarithmic.
-  const full = () => 10 ** Number(range.value);
+  const full = () => rounded(10 ** Number(range.value));
 
   const drawResidual = () => {
     const { residual, image } = current;
@@ -39,7 +43,7 @@
     });
     residual.forEach((code, place) => pixels.data.set([...table[code], 255], 4 * place));
     context.putImageData(pixels, 0, 0);
-    part("output.range").textContent = `full colour at ${matest.rounded(full())} σ`;
+    part("output.range").textContent = `full colour at ${full()} σ`;
   };
 
   // Brightness of photograph (0) or model (1) at a place in shares of the picture.
@@ -49,6 +53,20 @@
     const column = matest.clamp(Math.floor(x * image.columns), 0, image.columns - 1);
     const row = matest.clamp(Math.floor(y * rows), 0, rows - 1);
     return image.top * (levels[(kind * rows + row) * image.columns + column] / STEPS) ** 2;
+  };
+
+  // Lay the line across the object, a little beyond its ends, where the model is brightest.
+  const cross = () => {
+    const { image, levels } = current;
+    const rows = levels.length / 2 / image.columns;
+    const model = (row) => levels.subarray((rows + row) * image.columns, (rows + row + 1) * image.columns);
+    const light = Array.from({ length: rows }, (_, row) => model(row).reduce((sum, level) => sum + level ** 2, 0));
+    const brightest = light.indexOf(Math.max(...light));
+    const lit = [...model(brightest).keys()].filter((column) => model(brightest)[column] > 0);
+    if (lit.length === 0) return;
+    const height = (brightest + 0.5) / rows;
+    line.from = [Math.max(lit[0] / image.columns - BEYOND, 0), height];
+    line.to = [Math.min((lit.at(-1) + 1) / image.columns + BEYOND, 1), height];
   };
 
   // As many values as the line crosses pixels.
@@ -72,7 +90,7 @@
     matest.chart(part("svg.profile"), curves, Math.hypot(...sides), "pixels along the line", "brightness");
     const rms = (values) => Math.sqrt(values.reduce((sum, value) => sum + value * value, 0) / values.length);
     const apart = rms(photograph.map((value, place) => value - model[place])) / (rms(photograph) || 1);
-    part(".reading").textContent = `Along the line the rms difference is ${(100 * apart).toPrecision(2)} % of the brightness.`;
+    part(".reading").textContent = `Along the line the rms difference is ${rounded(100 * apart)} % of the brightness.`;
     for (const end of ["from", "to"]) {
       handles[end].style.left = `${100 * line[end][0]}%`;
       handles[end].style.top = `${100 * line[end][1]}%`;
@@ -90,7 +108,9 @@
       matest.unpacked(image.residual, 1, 1),
       matest.unpacked(image.brightness, image.columns, 2),
     ]);
+    const first = current.image === undefined;
     Object.assign(current, { image, residual, levels });
+    if (first) cross();
     [photo.src, render.src] = [image.photo, image.render];
     root.style.setProperty("--aspect", `${image.width} / ${image.height}`);
     part(".name").textContent = image.name;
