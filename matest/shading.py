@@ -15,6 +15,7 @@ from matest.brdf import Brdf, Term
 from matest.directions import Directions, above_horizon
 from matest.errors import InputError
 from matest.scene import Points, Scene, Surface
+from matest.scene.points import lit_pairs
 
 # What a surface is made of: one material, or by name that of each object.
 Material = Brdf | Mapping[str, Brdf]
@@ -50,8 +51,14 @@ def shade(brdf: Brdf, points: Points) -> Tensor:
                 f"'{name}' has values at {len(value):,} points and {len(points.wo):,} are shaded: give the values of "
                 "these, as material(batch) does of a Trainable with maps."
             )
-    values = brdf.replace(per_point)(points.wi, points.wo[..., None, :])
-    radiance = (values * gathered_light(points)).sum(-2)
+    pairs = lit_pairs(points)
+    if pairs is None or not all(value.ndim == 3 and len(value) in (1, pairs.count) for value in per_point.values()):
+        values = brdf.replace(per_point)(points.wi, points.wo[..., None, :])
+        radiance = (values * gathered_light(points)).sum(-2)
+    else:
+        of_pairs = {name: value[pairs.rows] for name, value in per_point.items() if len(value) > 1}
+        values = brdf.replace({**per_point, **of_pairs})(pairs.points.wi, pairs.points.wo[:, None])
+        radiance = pairs.sums((values * gathered_light(pairs.points))[:, 0])
     if points.ambient is not None:
         radiance = radiance + points.ambient * reflectance(brdf, points.wo[..., 2:])
     return radiance

@@ -29,8 +29,7 @@ they are clipped and rounded.
 | [sphere](sphere) | a red plastic ball under six lights |
 | [figure-13](figure-13) | the vase lit from the viewer and from 20° beside it |
 
-[benchmark](benchmark) has pictures of run time and error. Not here: Li & Torrance's figure 3, a mirror-like rough
-sphere in its surroundings, of which there is no picture to light it with.
+[benchmark](benchmark) has pictures of run time and error.
 """
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,6 +19,7 @@ from PIL import Image
 import matest
 from matest import spectra
 from matest.brdf import CookTorrance
+from matest.photographs.images import read_image
 from matest.scene import illuminate
 from matest.scene.lights import DirectionalLight
 
@@ -83,6 +85,23 @@ def test_a_metal_is_rendered_as_every_wavelength_by_itself_would(gallery: Galler
     expected = spectra.to_rgb(matest.shade(metal, points), every_10_nm)
     error = (scenes.spectral_radiance("gold", points) - expected).abs().max() / expected.max()
     assert float(error) < 2e-3
+
+
+@pytest.mark.parametrize("angle", [30, 45, 60])
+def test_a_rough_mirror_emerges_toward_grazing_angles_as_equation_2_says(gallery: Gallery, angle: int) -> None:
+    row = re.search(rf"\| {angle}° \|" + r" (0\.\d+) \|" * 3, gallery.page)
+    assert row is not None
+    for measured, wavelength in zip(row.groups(), (0.61, 0.55, 0.46), strict=True):
+        rough, smooth = (
+            math.exp(-((4 * math.pi * height * math.cos(math.radians(angle)) / wavelength) ** 2))
+            for height in (0.11, 0.01)
+        )
+        assert float(measured) == pytest.approx(rough / smooth, abs=2e-3)
+
+
+def test_the_map_that_ships_is_the_room(gallery: Gallery) -> None:  # noqa: ARG001
+    rebuild = importlib.import_module("rebuild")
+    np.testing.assert_array_equal(read_image(RENDERS / rebuild.ROOM), rebuild.room())
 
 
 def test_the_meshes_that_ship_are_those_of_their_shapes(gallery: Gallery) -> None:  # noqa: ARG001

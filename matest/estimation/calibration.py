@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 from torch import Tensor
@@ -237,6 +237,24 @@ _REASONS = {
     "albedo": "the model has no diffuse body whose albedo could vary; leave it out.",
     "albedo_noise": "the albedo of single pixels is no unknown; --refine albedo has that of a smooth field.",
 }
+
+# Errors of single lights, and those of all together that a map of light has instead.
+_OF_A_MAP = {"direction": "rotation", "intensity": "scale or exposure"}
+
+
+def without_effect(stated: Iterable[str], *, surrounded: bool) -> list[str]:
+    """Sentences on stated errors, by name, that error bars do not hold.
+
+    Args:
+        stated: names.
+        surrounded: whether a map of light stands for lights.
+    """
+    return [
+        f"The stated uncertainty of {name} has no effect: a map of light is turned and scaled as a whole; state "
+        f"{_OF_A_MAP[name]} instead."
+        for name in stated
+        if surrounded and name in _OF_A_MAP
+    ]
 
 
 def _spreads(uncertainty: Uncertainty) -> dict[str, float]:

@@ -24,6 +24,8 @@ from matest.workers import single_threaded_torch
 
 # Samples that a diagnosis is made on, and pixels at least: of each the samples of all images.
 _SAMPLES, _PIXELS = 8_000, 100
+# Samples times directions of light, at most: under a map of 256 directions a quarter of the samples do.
+_SHADED = 512_000
 # Causes that are looked for: more of them together explain anything.
 _MOST_CAUSES = 4
 # Standard errors up to which a number is zero by chance.
@@ -102,7 +104,8 @@ def causes(solution: Solution, samples: CalibratedSamples, seed: int, progress: 
         progress: called with a word on what is being done.
     """
     progress("looking for causes of residuals")
-    batch, _ = samples.of_pixels(max(_SAMPLES // max(samples.groups.images, 1), _PIXELS), seed)
+    count = min(_SAMPLES, _SHADED // max(samples.directions, 1))
+    batch, _ = samples.of_pixels(max(count // max(samples.groups.images, 1), _PIXELS), seed)
     search = _Search(samples, Tile(by_image(batch, samples.groups), cache={}))
     start = last = search.at(solution)
     found: list[Cause] = []

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from matest.direction_error import direction_note
 from matest.errors import InputError
 from matest.estimation.brightness import too_bright
+from matest.estimation.calibration import without_effect
 from matest.estimation.freeing import determined_by_images, widened
 from matest.estimation.map_selection import FEWEST_IMAGES, select_mapped
 from matest.estimation.misreading import misdescribed, misreading
@@ -139,6 +140,8 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
             f"differs between them for its own. Maps choose it from {FEWEST_IMAGES} photographs on; --model names "
             "another."
         )
+    stated = capture.stated_uncertainty.merged(options.uncertainty).stated
+    said += without_effect(stated, surrounded=capture.scene.surrounded)
     if directions := direction_note(capture.scene, outcome.material):
         said.append(directions)
     explained = bool(outcome.diagnosis or candidates)

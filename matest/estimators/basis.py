@@ -23,6 +23,7 @@ from matest.estimators.columns import Columns, light_columns
 from matest.estimators.unknowns import Problem
 from matest.samples import Batch, Tile
 from matest.scene import Points
+from matest.scene.points import lit_pairs
 from matest.shading import check_sky, lit_directions, sky_nodes, sky_terms
 
 
@@ -48,10 +49,13 @@ class Basis:
     def columns(self, tile: Tile, *, cut: bool = True) -> Columns:
         """The K columns; with `cut`, light whose reflectance at these unknowns is below zero gives nothing."""
         points, like = tile.batch.points, tile.batch.radiance
-        shapes = self._lit_shapes(tile)
-        return light_columns(
+        pairs = lit_pairs(points) if points.ambient is None else None
+        points = points if pairs is None else pairs.points
+        shapes = self._lit_shapes(tile, points)
+        columns = light_columns(
             points, shapes, lambda: self._over_sky(like), self.coefficients if cut else None, like.shape[-1]
         )
+        return columns if pairs is None else columns.of_points(pairs)
 
     def radiance(self, batch: Batch) -> Tensor:
         """Model radiance [n, C]."""
@@ -68,10 +72,9 @@ class Basis:
         """Each of the K shapes [..., 1 or C] at directions of size `lead`; `like` gives dtype and device."""
         raise NotImplementedError
 
-    def _lit_shapes(self, tile: Tile) -> list[Tensor]:
-        """The K shapes at every light of a tile [n, L, 1 or C]."""
-        points, like = tile.batch.points, tile.batch.radiance
-        return self._shapes(lit_directions(points), _lead(points), like)
+    def _lit_shapes(self, tile: Tile, points: Points) -> list[Tensor]:
+        """The K shapes at every light of the points of a tile [n, L, 1 or C]."""
+        return self._shapes(lit_directions(points), _lead(points), tile.batch.radiance)
 
     def _over_sky(self, like: Tensor) -> list[Tensor]:
         """The K shapes integrated over an even sky [33, 1 or C]."""
@@ -214,12 +217,12 @@ class SeparatedBasis(Basis):
             shapes += [term.shape] if term.columns is None else term.columns.split(1, dim=-1)
         return shapes
 
-    def _lit_shapes(self, tile: Tile) -> list[Tensor]:
+    def _lit_shapes(self, tile: Tile, points: Points) -> list[Tensor]:
         """All shapes at every light, cached for the next pass where the samples stay in memory."""
         cached = (tile.cache or {}).get("shapes")
         if cached is not None and cached.brdf is self._problem.brdf and cached.held is self._problem.held:
             return cached.shapes
-        shapes = super()._lit_shapes(tile)
+        shapes = super()._lit_shapes(tile, points)
         if tile.cache is not None:
             tile.cache["shapes"] = _CachedShapes(self._problem.brdf, self._problem.held, shapes)
         return shapes

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from matest.scene import Points
+from matest.scene.points import LitPairs
 from matest.shading import sky_light
 
 # Units of rounding. Lights have one colour if their channels differ by a common factor up to so many: the irradiances
@@ -36,6 +37,11 @@ class Columns:
         """Several weighted sums [Q, n, C] for coefficients [C, Q, K]; each channel is an array of its own."""
         weights = coefficients.to(self.values) * self.tint[:, None, None]
         return (weights @ self.values).permute(1, 2, 0)
+
+    def of_points(self, pairs: LitPairs) -> Columns:
+        """Of n points, where these are of M pairs of them and their lights; of S copies of the pairs in a row likewise."""
+        by_pair = self.values.unflatten(-1, (-1, len(pairs.rows))).movedim(-1, 0)
+        return Columns(pairs.sums(by_pair).movedim(0, -1).flatten(-2).contiguous(), self.tint)
 
 
 def light_columns(

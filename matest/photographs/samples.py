@@ -90,6 +90,11 @@ class PhotographSamples(LitPixels):
     def texels(self) -> int:
         return len(self.photographs.scene.surface)
 
+    @property
+    def directions(self) -> int:
+        """See `CalibratedSamples`."""
+        return max((self.photographs.scene.nodes(image) for image in self.images), default=0)
+
     def texel_tiles(self) -> TexelTiles:
         """See `CalibratedSamples`."""
         return TexelTiles(self)

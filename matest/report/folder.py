@@ -25,7 +25,7 @@ from matest.report.photographs import worst_first
 from matest.report.picture_size import PictureSize
 from matest.report.pictures import write_pictures
 from matest.report.previews import LARGE_PREVIEWS, LARGE_SIDE, PreviewPlan
-from matest.report.raster import Raster
+from matest.report.raster import Raster, Window
 from matest.report.relight import relighting
 from matest.scene import Surface
 
@@ -114,13 +114,14 @@ def write_result(
     clock = time.perf_counter()
     progress("writing the report")
     with whole_folder(out) as folder:
-        step = pictures.step(capture.scene.surface.shape)
+        surface = capture.scene.surface
+        step = pictures.step(Window.of(surface, pictures).shape)
         plan = _plan(estimate, capture, step, full=pictures is PictureSize.FULL) if step else None
         drawn = write_pictures(
             capture, estimate.material, folder, pictures, residual_scale=estimate.residual_scale, plan=plan
         )
-        maps = write_maps(estimate, capture.scene.surface, folder, previews=plan is not None)
-        relit = None if plan is None else relighting(estimate, capture.scene, _small_raster(capture.scene.surface))
+        maps = write_maps(estimate, surface, folder, previews=plan is not None)
+        relit = None if plan is None else relighting(estimate, capture.scene, _small_raster(surface))
         write_json(folder / "material.json", estimate.material_dict())
         timing = {**estimate.timing_s, "report": time.perf_counter() - clock}
         timing["total"] = sum(timing.values())
@@ -146,7 +147,8 @@ def _place(names: list[str], name: str) -> int:
 
 def _small_raster(surface: Surface) -> Raster:
     """The pixels that a large preview shows."""
-    return Raster.of(surface, -(-max(surface.shape) // LARGE_SIDE))
+    window = Window.of(surface)
+    return Raster.of(surface, -(-max(window.shape) // LARGE_SIDE), window)
 
 
 def write_json(path: Path, content: dict) -> None:

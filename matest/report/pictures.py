@@ -17,7 +17,7 @@ from matest.photographs.photometry import srgb
 from matest.photographs.samples import PhotographSamples
 from matest.report.picture_size import PictureSize
 from matest.report.previews import LARGE_SIDE, PagePictures, Preview, PreviewPlan, drawing, preview, residual_codes
-from matest.report.raster import Raster
+from matest.report.raster import Raster, Window
 from matest.samples import Tile
 from matest.samples.likelihood import REJECTED
 from matest.samples.residual_scale import ResidualScale
@@ -67,8 +67,9 @@ def write_pictures(
     scene, surface, samples = capture.scene, capture.scene.surface, capture.samples()
     row, width = _middle_pixels(surface), surface.shape[1]
     columns = surface.pixels[row] % width
-    step = size.step(surface.shape)
-    raster = Raster.of(surface, step) if step else None
+    window = Window.of(surface, size)
+    step = size.step(window.shape)
+    raster = Raster.of(surface, step, window) if step else None
     shown = np.concatenate([row, raster.index]) if raster else row
     mean = None
     if raster:

@@ -22,7 +22,7 @@ from matest.report.document import data_block
 from matest.report.format import measured
 from matest.report.packing import packed
 from matest.report.raster import Raster
-from matest.scene import DirectionalLight, Light, Scene, Surface
+from matest.scene import DirectionalLight, EnvironmentLight, Light, Scene, Surface
 from matest.scene.surface import from_sphere
 
 # Steps from −1 to 1 of the components of normals: a highlight of slope 0.1 shows none of them.
@@ -179,12 +179,23 @@ def _stored(normals: Tensor) -> Tensor:
 
 
 def _main_light(lights: Sequence[Light], middle: Tensor | None, frame: Tensor) -> tuple[Tensor, Tensor]:
-    """Direction in a frame [3] and irradiance [C] of the strongest light at the middle of the object [1, 3]."""
-    at = [light.to(torch.float64, "cpu").at(middle) for light in lights]
+    """Direction in a frame [3] and irradiance [C] of the strongest light at the middle of the object [1, 3].
+
+    The viewer is at z of that frame; a map counts as what of it stands before the object.
+    """
+    at = [_one_light(light.to(torch.float64, "cpu"), middle, frame[2]) for light in lights]
     if not at:
         return torch.tensor(_FROM_ABOVE, dtype=torch.float64), torch.full((1,), math.pi, dtype=torch.float64)
     direction, power = max(at, key=lambda one: float(one[1].sum()))
-    return frame @ direction[0].detach(), power[0].detach()
+    return frame @ direction.detach(), power.detach()
+
+
+def _one_light(light: Light, middle: Tensor | None, viewer: Tensor) -> tuple[Tensor, Tensor]:
+    """Direction [3] and irradiance [C] of a light, as seen from the middle of the object [1, 3]."""
+    if isinstance(light, EnvironmentLight):
+        return light.before(viewer)
+    direction, power = light.at(middle)
+    return direction[0], power[0]
 
 
 def relight_section(estimate: Estimate, relit: Relighting | str | None, names: Sequence[str]) -> str:
@@ -196,7 +207,8 @@ def relight_section(estimate: Estimate, relit: Relighting | str | None, names: S
     height, width = relit.shape
     return (
         '<p class="lead">Drag the light over the object, or focus the picture and use the arrow keys. One distant '
-        "light, without cast shadows or light of the sky; colours are sRGB, at one exposure for all directions. "
+        "light, without cast shadows or light of the sky, at first the strongest of a photograph, or what lights most "
+        "of a map before the object; colours are sRGB, at one exposure for all directions. "
         "Several sliders at once are exact where the model is a product of what each of them changes.</p>\n"
         f'<div class="relight" id="relight"><div class="stage"><canvas width="{width}" height="{height}" tabindex="0" '
         'role="application" aria-label="the object under a light that arrow keys move"></canvas>'

@@ -66,6 +66,7 @@ class CalibratedSamples(AccountedSamples, Protocol):
     Attributes:
         calibration_names: of the kinds of errors that have an effect on them.
         texels: N, the number of pixels of the object.
+        directions: of light that a sample is shaded under, at most.
     """
 
     @property
@@ -73,6 +74,9 @@ class CalibratedSamples(AccountedSamples, Protocol):
 
     @property
     def texels(self) -> int: ...
+
+    @property
+    def directions(self) -> int: ...
 
     def texel_tiles(self) -> TexelTiles:
         """All samples, texel by texel."""

@@ -21,6 +21,7 @@ from functools import cached_property
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn.functional import normalize
 
 from matest.scene.harmonics import cosine_coefficients, harmonics
 from matest.scene.light_cells import light_cells
@@ -191,6 +192,21 @@ class EnvironmentLight:
     def at(self, positions: Tensor | None) -> tuple[Tensor, Tensor]:  # noqa: ARG002
         brightest = self.environment.powers.sum(1).argmax()
         return (self.environment.nodes @ self._frame.T)[brightest, None], self.power[None]
+
+    def before(self, toward: Tensor) -> tuple[Tensor, Tensor]:
+        """One distant light in place of the half of the map about a direction.
+
+        Args:
+            toward: unit vector, in the middle of that half [3].
+
+        Returns:
+            Unit vector to the light [3], and the irradiance of a surface facing it under the whole map [C].
+        """
+        nodes = self.environment.nodes @ self._frame.T
+        lit = ((nodes @ toward).clamp(min=0) * self.environment.powers.sum(1)) @ nodes
+        # A half that is dark has its middle.
+        direction = normalize(lit + torch.finfo(lit.dtype).tiny * toward, dim=0)
+        return direction, self.environment.irradiance((direction @ self._frame)[None])[0]
 
     def directions(self, positions: Tensor | None, normals: Tensor, view: Tensor) -> Tensor:  # noqa: ARG002
         nodes = self.environment.nodes @ self._frame.T

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from matest.directions import to_local
 from matest.scene.lights import Light, join_skies, sky_at, sky_channels
+
+# Lights of a point from which on it pays to pick those above its horizon.
+_MANY_LIGHTS = 16
 
 
 @dataclass(frozen=True)
@@ -33,6 +37,41 @@ class Points:
         parts = (self.wi, self.wo, self.irradiance)
         wi, wo, irradiance = (part if len(part) == 1 else part[index] for part in parts)
         return Points(wi, wo, irradiance, sky_at(self.ambient, index))
+
+
+class LitPairs(NamedTuple):
+    """The points of a batch under the lights above their horizons, one point and one light a pair.
+
+    Attributes:
+        points: of the M pairs, one light each, without a sky.
+        rows: number of the point of each pair, ascending [M].
+        count: points of the batch.
+    """
+
+    points: Points
+    rows: Tensor
+    count: int
+
+    def sums(self, values: Tensor) -> Tensor:
+        """Sums [n, ...] over the lights of each point of what each pair has [M, ...]."""
+        return values.new_zeros(self.count, *values.shape[1:]).index_add(0, self.rows, values)
+
+
+def lit_pairs(points: Points) -> LitPairs | None:
+    """The pairs of a batch [n, …] of points and their lights; None where there are too few lights for that to pay."""
+    if points.wo.ndim != 2 or points.wi.shape[-2] < _MANY_LIGHTS:
+        return None
+    lead = torch.broadcast_shapes(points.wi.shape[:-1], (len(points.wo), 1), points.irradiance.shape[:-1])
+    lit = (points.wi[..., 2] > 0) & (points.wo[:, None, 2] > 0) & (points.irradiance != 0).any(-1)
+    place = lit.expand(lead).flatten().nonzero()[:, 0]
+    if not len(place):
+        return None
+    rows = place // lead[1]
+    # Component by component: each stays an array of its own.
+    wi = points.wi.movedim(-1, 0).expand(3, *lead).flatten(1).index_select(1, place).movedim(0, -1)
+    wo = points.wo.movedim(-1, 0).expand(3, lead[0]).index_select(1, rows).movedim(0, -1)
+    irradiance = points.irradiance.expand(*lead, -1).flatten(0, 1).index_select(0, place)
+    return LitPairs(Points(wi[:, None], wo, irradiance[:, None]), rows, lead[0])
 
 
 def illuminate(

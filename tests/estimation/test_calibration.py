@@ -14,11 +14,26 @@ from matest import InputError
 from matest.benchmark.instruments import miscalibration as off
 from matest.brdf import CookTorrance, Lambert, OrenNayar
 from matest.report.calibration import error_rows, legend
+from matest.scene import EnvironmentLight
+from matest.scene.environment import environment_of
+from tests.environments import studio_map
 from tests.miscalibrated import STUDIO, brighter, normal_deviates, photographed, under_sky
 from tests.simulated import Studio
 
 MATERIAL = OrenNayar([0.7, 0.5, 0.3], 0.4)
 SMALL = Studio(size=40, lights=STUDIO.lights)
+
+
+def test_stated_errors_of_single_lights_have_no_effect_under_a_map_and_the_result_says_so() -> None:
+    light = EnvironmentLight(environment_of(studio_map(16, channels=3), 32))
+    studio = Studio(size=20, lights=((light,),))
+    estimate = matest.estimate(
+        studio.photograph(Lambert([0.6, 0.5, 0.4])), "lambert", uncertainty={"direction": 0.02, "scale": 0.03}
+    )
+    (said,) = (warning for warning in estimate.warnings if "has no effect" in warning)
+    assert "uncertainty of direction" in said
+    assert "state rotation instead" in said
+    assert [*estimate.nuisance] == ["scale"]
 
 
 def test_a_result_says_what_was_refined_and_what_was_allowed_for() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -13,7 +14,7 @@ from torch import Tensor
 from matest import workers
 from matest.brdf import MODELS, variants
 from matest.estimators import Problem, accumulate
-from matest.estimators.basis import TangentBasis
+from matest.estimators.basis import Basis, NodesBasis, SeparatedBasis, TangentBasis
 from matest.estimators.moments import SCORES
 from matest.estimators.statistics import Statistics
 from matest.photographs.noise import Noise
@@ -22,6 +23,7 @@ from matest.samples import Batch, Tile
 from matest.samples.residual_scale import ResidualScale
 from matest.shading import shade
 from tests.captures import directional
+from tests.environments import normals
 from tests.problems import ordinary, problem
 from tests.simulated import Studio
 
@@ -268,3 +270,40 @@ def test_inflation_is_never_below_one() -> None:
     found = accumulate(chosen, nothing, tiled(clean.samples(dtype=torch.float64), 100), nothing)
     assert found.total("chi2") < 1e-3
     assert found.inflation == 1.0
+
+
+def under_many_lights() -> Batch:
+    """Samples of a sphere under forty lights from all around."""
+    directions = [direction.tolist() for direction in normals(40)]
+    lights = tuple(directional(tuple(direction), 0.3, 0.2, 0.1 + 0.01 * k) for k, direction in enumerate(directions))
+    studio = Studio(size=12, lights=(lights,))
+    return whole(studio.photograph(MODELS["lambert"](albedo=0.5), seed=5).samples(dtype=torch.float64))
+
+
+def light_by_light(chosen: Problem, unknowns: Tensor, batch: Batch) -> Tensor:
+    """Radiance [n, C] as the sum of what each light gives by itself."""
+    points, material = batch.points, chosen.material(unknowns)
+    single = (
+        replace(points, wi=points.wi[:, k, None], irradiance=points.irradiance[:, k, None])
+        for k in range(points.wi.shape[1])
+    )
+    return torch.stack([shade(material, one).expand_as(batch.radiance) for one in single]).sum(0)
+
+
+@pytest.mark.parametrize("kind", [TangentBasis, SeparatedBasis])
+@pytest.mark.parametrize("expression", ["lambert", "oren-nayar-exact"])
+def test_many_lights_give_what_they_give_one_by_one(kind: type[Basis], expression: str) -> None:
+    batch, chosen = under_many_lights(), problem(expression, channels=3)
+    unknowns = ordinary(chosen, seed=2)
+    expected = light_by_light(chosen, unknowns, batch)
+    torch.testing.assert_close(kind(chosen, unknowns).radiance(batch), expected, rtol=1e-9, atol=0)  # type: ignore[arg-type]
+    torch.testing.assert_close(shaded(chosen, unknowns, batch), expected, rtol=1e-9, atol=0)
+
+
+def test_nodes_of_a_search_under_many_lights_follow_each_other() -> None:
+    batch, chosen = under_many_lights(), problem("oren-nayar", channels=3)
+    points = [ordinary(chosen, seed=seed) for seed in (1, 2, 3)]
+    values = NodesBasis(chosen, points).columns(Tile(batch), cut=False).values.unflatten(-1, (3, -1))
+    for number, unknowns in enumerate(points):
+        one = TangentBasis(chosen, unknowns, derivatives=False).columns(Tile(batch), cut=False).values
+        torch.testing.assert_close(values[:, :, number], one, rtol=ROUNDING, atol=ROUNDING)

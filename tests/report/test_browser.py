@@ -16,21 +16,24 @@ import numpy as np
 import pytest
 import torch
 
-from matest.brdf import Brdf, CookTorrance, OrenNayar, model
+from matest.brdf import Brdf, CookTorrance, Lambert, OrenNayar, model
 from matest.capture import Capture, load_capture
 from matest.estimation.photographs import PhotographFit
 from matest.estimation.result import Estimate
 from matest.inference.quantities import ParameterEstimate
+from matest.photographs.images import write_image
 from matest.photographs.photometry import srgb
 from matest.report.folder import write_result
 from matest.report.previews import LARGE_SIDE
-from matest.report.raster import Raster
+from matest.report.raster import Raster, Window
 from matest.report.relight import EXPOSURE, Relighting, relighting
 from matest.simulate import simulate
 from tests import scenes
 from tests.captures import changed
+from tests.environments import studio_map
 from tests.estimates import clay
 from tests.mapped import mapped, photographs
+from tests.scenes import material, write
 from tests.simulated import Studio, coloured
 from tests.tolerances import RELIT_GLOSSY, RELIT_MATTE
 
@@ -89,6 +92,20 @@ def made_up(material: Brdf, capture: Capture) -> Estimate:
     return clay(model=material.expression, material=material, parameters=parameters, images=images, holdout=None)
 
 
+def in_a_room(folder: Path, materials: dict[str, Brdf]) -> Path:
+    """A scene of small spheres side by side in a room."""
+    write_image(folder / "room.exr", studio_map(16).float().numpy())
+    objects = [
+        f'[[object]]\nname = "{name}"\nshape = "sphere"\nposition = [{2 * number}, 0, 0]\nradius = 0.5\n'
+        + material(brdf.expression, **{key: float(value) for key, value in brdf.parameters.items()}).replace(
+            "[material]", "[object.material]"
+        )
+        for number, (name, brdf) in enumerate(materials.items())
+    ]
+    camera = '[camera]\nheight = 4\nresolution = [150, 100]\n[[image]]\nlights = [ { environment = "room.exr" } ]'
+    return write(folder, *objects, camera)
+
+
 def subject(kind: str) -> tuple[Estimate, Capture, float]:
     """An estimate, its capture, and the tolerance of relit pixels."""
     if kind == "mapped":
@@ -119,8 +136,9 @@ def in_browser(browser: Browser, subject: tuple[Estimate, Capture, float], folde
     page.goto(file.as_uri())
     page.wait_for_selector("#relight[data-ready]")
     page.wait_for_selector("#viewer[data-shown]")
-    surface = capture.scene.surface
-    relit = relighting(estimate, capture.scene, Raster.of(surface, -(-max(surface.shape) // LARGE_SIDE)))
+    surface, window = capture.scene.surface, Window.of(capture.scene.surface)
+    raster = Raster.of(surface, -(-max(window.shape) // LARGE_SIDE), window)
+    relit = relighting(estimate, capture.scene, raster)
     assert isinstance(relit, Relighting)
     return Opened(page, capture, relit, tolerance, complaints, file.stat().st_size)
 
@@ -195,6 +213,21 @@ def dragged(page: Page, across: float, down: float) -> torch.Tensor:
 def test_the_light_follows_the_pointer(opened: Opened) -> None:
     light = dragged(opened.page, 0.3, 0.35)
     assert difference(opened, light) <= opened.tolerance
+
+
+def test_one_of_several_objects_in_a_room_is_shown_alone_in_a_light_from_before_it(
+    browser: Browser, tmp_path: Path
+) -> None:
+    materials = {"ball": OrenNayar(0.6, 0.4), "other": Lambert(0.3)}
+    capture = load_capture(simulate(in_a_room(tmp_path, materials))).objects["ball"]
+    one = in_browser(browser, (made_up(materials["ball"], capture), capture, RELIT_MATTE), tmp_path / "report")
+    assert [text for text in one.complaints if not text.startswith("asked: file:")] == []
+    assert max(one.relit.shape) < 0.4 * max(capture.scene.surface.shape)
+    assert float(one.relit.lights[0][2]) > 0.3
+    assert difference(one, one.relit.lights[0]) <= RELIT_MATTE
+    photo = one.page.evaluate("document.querySelector('#viewer .photo').naturalHeight")
+    assert photo == one.relit.shape[0]
+    one.page.context.close()
 
 
 def test_light_that_is_scattered_forward_goes_to_the_right_side(browser: Browser, tmp_path: Path) -> None:

@@ -139,3 +139,13 @@ def test_single_precision_and_single_channels_agree() -> None:
     single = illuminate(SEEN.float(), VIEW.float(), [light.to(torch.float32, "cpu")])
     torch.testing.assert_close(shade(GLOSSY, single).double(), exact, rtol=1e-4, atol=1e-5)
     torch.testing.assert_close(shade(GLOSSY, illuminate(SEEN, VIEW, [light.channel(1)])), exact[:, 1:2])
+
+
+def test_half_of_a_map_as_one_light_gives_a_facing_surface_its_irradiance() -> None:
+    light, viewer = light_of(256, turn=0.4), torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64)
+    toward, irradiance = light.before(viewer)
+    assert float(toward @ viewer) > 0.3
+    normal = toward[None]
+    directions, powers = light.spread(None, normal, normal)
+    given = ((directions[:, :-1] @ toward).clamp(min=0)[..., None] * powers[:, :-1]).sum(1)
+    torch.testing.assert_close(irradiance[None], given, rtol=1e-3, atol=0)

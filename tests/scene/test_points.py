@@ -14,6 +14,7 @@ from torch.nn.functional import normalize
 
 from matest.brdf import Brdf, CookTorrance, Lambert, OrenNayar
 from matest.scene import Camera, DirectionalLight, PointLight, Scene, Surface, illuminate
+from matest.scene.points import Points, lit_pairs
 from matest.scene.surface import from_normals
 from matest.shading import render, shade
 from tests.captures import directional, point, refusal, scene_of
@@ -181,3 +182,25 @@ def test_a_light_direction_is_refined_by_gradient() -> None:
 
 def test_a_scene_without_lights_renders_black() -> None:
     assert not render(scene_of(surface()), Lambert(0.5)).any()
+
+
+def test_pairs_are_the_lights_above_the_horizon_and_their_sums_those_of_all_lights() -> None:
+    generator = torch.Generator().manual_seed(3)
+    wi = torch.nn.functional.normalize(torch.randn(1, 40, 3, generator=generator), dim=-1)
+    wo = torch.nn.functional.normalize(torch.rand(5, 3, generator=generator), dim=-1)
+    irradiance = torch.rand(5, 40, 3, generator=generator)
+    irradiance[:, 7] = 0
+    points = Points(wi, wo, irradiance)
+    pairs = lit_pairs(points)
+    assert pairs is not None
+    lit = (wi[0, :, 2] > 0) & (torch.arange(40) != 7)
+    assert len(pairs.rows) == 5 * int(lit.sum())
+    assert bool((pairs.points.wi[..., 2] > 0).all())
+    given = pairs.sums((pairs.points.irradiance * pairs.points.wi[..., 2:])[:, 0])
+    torch.testing.assert_close(given, (irradiance * wi[..., 2:].clamp(min=0)).sum(1))
+    torch.testing.assert_close(pairs.points.wo, wo[pairs.rows])
+
+
+def test_few_lights_are_not_picked() -> None:
+    up = torch.tensor([[[0.0, 0.0, 1.0]]])
+    assert lit_pairs(Points(up.expand(2, 3, 3), up[0].expand(2, 3), torch.ones(2, 3, 1))) is None
