@@ -39,7 +39,7 @@ class Columns:
         return (weights @ self.values).permute(1, 2, 0)
 
     def of_points(self, pairs: LitPairs) -> Columns:
-        """Of n points, where these are of M pairs of them and their lights; of S copies of the pairs in a row likewise."""
+        """Of n points, where these are of M pairs of them and their lights; of S copies in a row likewise."""
         by_pair = self.values.unflatten(-1, (-1, len(pairs.rows))).movedim(-1, 0)
         return Columns(pairs.sums(by_pair).movedim(0, -1).flatten(-2).contiguous(), self.tint)
 

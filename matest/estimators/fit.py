@@ -14,11 +14,13 @@ from matest.estimators.passes import passes_over
 from matest.estimators.pilot import fit_batches
 from matest.estimators.unknowns import Problem
 from matest.progress import Progress, silent
-from matest.samples import Samples
+from matest.samples import Batch, Samples
 from matest.workers import single_threaded_torch
 
 # Samples of the pilot: its own error is then small enough for one Gauss-Newton step to reach the optimum of all.
 _PILOT_SAMPLES = 24_000
+# Samples of the pilot times directions of light of each, at most: of 256 directions of a map 6,000 samples.
+_PILOT_SHADED = 1_536_000
 # Samples of the first subsample where a precision is asked for: few, since many captures need no more.
 _FIRST_SUBSAMPLE = 6_000
 # The next subsample has this many times the samples that the error bars ask for, lest they just miss the precision.
@@ -63,13 +65,13 @@ def fit(
         raise ValueError(f"the problem has {problem.channels} channels, the samples have {samples.channels}.")
     progress("searching")
     count = _FIRST_SUBSAMPLE if precision > 0 else _PILOT_SAMPLES
-    solution = fit_batches(problem, samples.pilot(count, seed), start)
+    solution = fit_batches(problem, _pilot(samples, count, seed), start)
     if precision > 0:
         solution, count = _grow_subsample(solution, count, samples, seed, precision)
     if precision <= 0 or not _is_described(solution) or _largest_relative_std(solution) > precision:
         if count < _PILOT_SAMPLES:
             # Where the model does not hold, outliers depend on the pilot: take the one that is used without precision.
-            solution = fit_batches(problem, samples.pilot(_PILOT_SAMPLES, seed), start)
+            solution = fit_batches(problem, _pilot(samples, _PILOT_SAMPLES, seed), start)
         progress("refining over all samples")
         solution = refine(solution, samples)
     return replace(solution, unknowns=solution.problem.wrapped(solution.unknowns))
@@ -81,8 +83,16 @@ def fit_some(
 ) -> Solution:
     """The maximum-likelihood estimate from a few thousand samples, to start from; arguments are those of `fit`."""
     progress("searching")
-    solution = fit_batches(problem, samples.pilot(_PILOT_SAMPLES, seed), start)
+    solution = fit_batches(problem, _pilot(samples, _PILOT_SAMPLES, seed), start)
     return replace(solution, unknowns=solution.problem.wrapped(solution.unknowns))
+
+
+def _pilot(samples: Samples, count: int, seed: int) -> list[Batch]:
+    """About `count` samples, or fewer where light comes to each from many directions."""
+    batches = samples.pilot(count, seed)
+    directions = max((batch.points.wi.shape[-2] for batch in batches), default=1)
+    fewer = _PILOT_SHADED // max(directions, 1)
+    return batches if fewer >= count else samples.pilot(fewer, seed)
 
 
 def _grow_subsample(

@@ -21,8 +21,10 @@ from matest.samples.batch import join
 from matest.samples.likelihood import Readout
 from matest.samples.tiles import in_memory
 
-# Samples that are enough to find the valley of every optimum.
-_SEARCH_SAMPLES = 4_000
+# Samples that are enough to find the valley of every optimum; a fourth of them are where each is lit from everywhere.
+_SEARCH_SAMPLES, _FEWEST_SEARCHED = 4_000, 1_000
+# Those samples times directions of light, at most.
+_SEARCH_SHADED = 64 * _SEARCH_SAMPLES
 # Standard errors. Starts further apart than this are followed each to its end.
 _DISTINCT_SEPARATION = 1.0
 # Standard errors. The likelihood moves a start by much more than the last step to it.
@@ -71,8 +73,10 @@ def initial_solutions(problem: Problem, batches: list[Batch], start: Tensor | No
 
 
 def subsample(batches: list[Batch]) -> Batch:
-    """Every n-th sample, n such that a few thousand remain in all."""
-    step = max(sum(len(batch) for batch in batches) // _SEARCH_SAMPLES, 1)
+    """Every n-th sample, n such that a few thousand remain in all; fewer of those with many directions of light."""
+    directions = max(max(batch.points.wi.shape[-2] for batch in batches), 1)
+    count = max(min(_SEARCH_SAMPLES, _SEARCH_SHADED // directions), _FEWEST_SEARCHED)
+    step = max(sum(len(batch) for batch in batches) // count, 1)
     return join([batch[::step] for batch in batches]).ungrouped
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -39,7 +38,8 @@ class Points:
         return Points(wi, wo, irradiance, sky_at(self.ambient, index))
 
 
-class LitPairs(NamedTuple):
+@dataclass(frozen=True)
+class LitPairs:
     """The points of a batch under the lights above their horizons, one point and one light a pair.
 
     Attributes:

@@ -23,6 +23,8 @@ from matest.estimators.statistics import Statistics
 from matest.photographs.samples import PhotographSamples
 from matest.samples import Batch, Tile
 from matest.shading import shade
+from tests.captures import directional
+from tests.environments import normals
 from tests.problems import problem
 from tests.simulated import Studio, coloured
 
@@ -232,3 +234,14 @@ def test_lobes_come_out_from_narrow_to_wide(seed: int) -> None:
     fixed = problem(material.expression, fix={"f0": 0.04, "slope": 0.4})
     values = fixed.values(fit(fixed, samples, 0).unknowns)
     assert (float(values["slope"]), float(values["slope_2"])) == pytest.approx((0.4, 0.1), rel=0.1)
+
+
+def test_fewer_samples_of_many_lights_in_the_pilot_lead_to_the_same_optimum(monkeypatch: pytest.MonkeyPatch) -> None:
+    lights = tuple(directional(tuple(toward.tolist()), 0.3, 0.2, 0.1) for toward in normals(40))
+    samples = Studio(size=32, lights=(lights,)).photograph(OrenNayar([0.7, 0.5, 0.3], 0.5), seed=4).samples()
+    chosen = problem("oren-nayar", channels=3)
+    whole = fit(chosen, samples, seed=0)
+    monkeypatch.setattr(importlib.import_module("matest.estimators.fit"), "_PILOT_SHADED", 300 * 40)
+    few = fit(chosen, samples, seed=0)
+    assert sum(len(tile.batch) for group in few.tiles for tile in (part() for part in group)) == len(samples)
+    assert distance(few, whole) < 0.03
