@@ -26,6 +26,7 @@ from matest.estimators.texels.trust import (
     Reliable,
     ScoreBias,
     ambiguous,
+    degrees,
     least_information,
     totals,
     variance_among_trials,
@@ -118,7 +119,7 @@ class MapFit:
     @property
     def bias_scatter(self) -> Tensor:
         """Covariance of scores by the error of their bias [S, S]."""
-        return self.theta.shape[1] ** 2 * self.bias.covariance
+        return self.theta.shape[1] ** 2 * self.bias.error
 
     @cached_property
     def std(self) -> Tensor:
@@ -211,13 +212,13 @@ def _over_all(fitter: TexelFitter, known: Knowledge, tiles: TexelTiles, out: _Ma
                 fitter, fitter.fit(tile, known.regions.weak_prior(len(tile))), known
             )
             variance = elimination.variance
-            told = (1 - fit.prior.precision * variance).clamp(0, 1)
+            told = degrees(fit, variance)
             if fit.trials is not None:
                 among = variance_among_trials(fit, known.inflation)
                 variance = torch.where(own, variance, torch.maximum(variance, among))
             out.put(tile, fit.theta, variance, elimination, own)
             sums = totals(tile, fit.problem.squares, fit.radiance)
-            return [_TileSums(*elimination.sums(counted), sums, float(told.sum()))]
+            return [_TileSums(*elimination.sums(counted), sums, told)]
 
     parts = list(in_groups(work, tiles))
     return _TileSums(*(sum(column) for column in zip(*parts, strict=True)))

@@ -17,9 +17,9 @@ from matest.estimators.search import shape_nodes
 from matest.estimators.texels.elimination import CommonSums, Elimination
 from matest.estimators.texels.fit import TexelFitter, TileFit
 from matest.estimators.texels.regions import Regions
-from matest.estimators.texels.trust import Reliable, ScoreBias, ambiguous, totals
+from matest.estimators.texels.trust import Reliable, ScoreBias, ambiguous, degrees, misfit_of, totals
 from matest.estimators.texels.unknowns import TexelUnknowns
-from matest.samples.likelihood import LeastSquares, deviations
+from matest.samples.likelihood import deviations
 from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
 from matest.samples.texels import TexelTile
 
@@ -30,8 +30,10 @@ _START_NODES = 9
 _STEPS = 20
 # Standard errors of the parameters in common below which a step is the last.
 _LAST_STEP = 0.1
-# Times that the bias is found: it differs from where a biased solution was.
-_CORRECTIONS = 2
+# Steps by which the bias is taken off; the draws of the later half of them are averaged.
+_CORRECTIONS = 6
+# Least χ² that another one is relative to.
+_TINY = 1e-9
 
 
 class SomeTexels(NamedTuple):
@@ -75,21 +77,19 @@ def started(texels: TexelUnknowns, unknowns: Tensor, tile: TexelTile) -> Tensor:
     return best
 
 
-def descend(texels: TexelUnknowns, unknowns: Tensor, tile: TexelTile, bias: Tensor | None = None) -> SomeTexels:
-    """The optimum of everything over the samples of a tile; `bias` [S] is the mean score of a texel there, if not 0."""
+def descend(texels: TexelUnknowns, unknowns: Tensor, tile: TexelTile) -> SomeTexels:
+    """The optimum of everything over the samples of a tile."""
     scale = NOISE_ALONE
     fitter = TexelFitter(texels, unknowns, scale)
     prior = Regions.single(texels, unknowns).weak_prior(len(tile))
     fit = fitter.fit(tile, prior)
     for _ in range(_STEPS):
         values = fit.radiance
-        scale, inflation = _scale(tile, values), _inflation(tile, fit.problem.squares, values, len(texels.rows))
         elimination, counted = Elimination.of(fitter, fit), None
+        scale, inflation = _scale(tile, values), _inflation(fit, elimination)
         if fit.trials is not None and texels.common:
             counted = Reliable.of(fitter, fit, elimination, inflation).counted
         sums = elimination.sums(counted)
-        if bias is not None:
-            sums = sums._replace(scores=sums.scores - bias * len(tile))
         change, length = step(texels, unknowns, sums)
         unknowns = moved(texels.problem, unknowns, change)
         theta = fit.theta + torch.einsum("tsn,s->tn", elimination.moves, change[texels.common_places].float())
@@ -118,17 +118,32 @@ class Knowledge:
 
 
 def unbiased(sample: SomeTexels, seed: int) -> tuple[SomeTexels, float, ScoreBias]:
-    """The solution where the bias of scores is allowed for, and `limit` and `bias` of `Knowledge`."""
-    texels = sample.fitter.texels
+    """The solution where scores are as large as their bias is there, and `limit` and `bias` of `Knowledge`.
+
+    The score of the samples and its bias are found anew at every step, by the same search and the same choice of
+    texels: what is wrong with these is wrong in both. Steps are of the size that draws foresee, since a solution that
+    is far off may be told by next to no texel.
+    """
+    texels, tile, prior = sample.fitter.texels, sample.fit.tile, sample.fit.prior
     limit, bias = 0.0, ScoreBias.none(len(texels.common))
     if sample.fit.trials is None or not texels.common:
         return sample, limit, bias
-    for _ in range(_CORRECTIONS):
-        elimination = Elimination.of(sample.fitter, sample.fit)
-        limit = Reliable.of(sample.fitter, sample.fit, elimination, sample.inflation).limit
-        bias = ScoreBias.of(sample.fitter, sample.fit, sample.inflation, limit, seed)
-        sample = descend(texels, sample.fitter.unknowns, sample.fit.tile, bias.mean)
-    return sample, limit, bias
+    fitter, fit, scale, inflation = sample
+    elimination = Elimination.of(fitter, fit)
+    limit = Reliable.of(fitter, fit, elimination, inflation).limit
+    draws: list[ScoreBias] = []
+    for number in range(_CORRECTIONS):
+        draws.append(ScoreBias.of(fitter, fit, inflation, limit, seed + number))
+        # The first are those of solutions that are still off.
+        bias = ScoreBias.average(draws[(number + 1) // 2 :])
+        counted = Reliable.of(fitter, fit, elimination, inflation, limit).counted
+        scores = elimination.sums(counted).scores - bias.mean * len(tile)
+        change, _ = step(texels, fitter.unknowns, CommonSums(bias.information * len(tile), scores))
+        fitter = TexelFitter(texels, moved(texels.problem, fitter.unknowns, change), scale)
+        fit = fitter.fit(tile, prior)
+        elimination, scale = Elimination.of(fitter, fit), _scale(tile, fit.radiance)
+        inflation = max(misfit_of(fit) / max(bias.misfit, _TINY), 1.0)
+    return SomeTexels(fitter, fit, scale, inflation), limit, bias
 
 
 def regions_of(
@@ -179,8 +194,8 @@ def _scale(tile: TexelTile, values: Tensor) -> ResidualScale:
     return ResidualScale.of(tile.half_angles[rows], sizes)
 
 
-def _inflation(tile: TexelTile, squares: LeastSquares, values: Tensor, unknowns: int) -> float:
+def _inflation(fit: TileFit, elimination: Elimination) -> float:
     """χ² per degree of freedom of a tile, at least 1."""
-    sums = totals(tile, squares, values).sum(0)
+    sums = totals(fit.tile, fit.problem.squares, fit.radiance).sum(0)
     chi2, count = (float(sums[SCORES.index(name)]) for name in ("chi2", "values"))
-    return max(chi2 / max(count - unknowns * len(tile), 1.0), 1.0)
+    return max(chi2 / max(count - degrees(fit, elimination.variance), 1.0), 1.0)

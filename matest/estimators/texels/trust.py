@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -25,8 +27,10 @@ _TINY = 1e-9
 _LIKELY = 9.0
 # Standard errors beyond which a value is another one.
 _FAR = 4.0
+# Share of the texels whose optimum a search may miss: their χ² says nothing of the noise.
+_MISSED = 0.01
 # Uncertainty of the bias of scores, relative to it: it is that of the solution, not of the truth.
-_BIAS_ERROR = 0.35
+_BIAS_ERROR = 0.15
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +79,11 @@ def least_information(fitter: TexelFitter, fit: TileFit) -> Tensor:
     return variances.unflatten(-1, (images, -1)).amax(1)
 
 
+def degrees(fit: TileFit, variance: Tensor) -> float:
+    """Degrees of freedom that texels take, of variance [T, n] in units of the noise: none for what they do not tell."""
+    return float((1 - fit.prior.precision * variance).clamp(0, 1).sum())
+
+
 def variance_among_trials(fit: TileFit, inflation: float) -> Tensor:
     """Mean squared distance of likely values from θ, in units of the noise [T, n]: of those that were tried."""
     assert fit.trials is not None
@@ -92,17 +101,33 @@ class ScoreBias(NamedTuple):
 
     Attributes:
         mean: [S].
-        covariance: of its error [S, S].
+        scatter: covariance of what chance of the draws makes of it [S, S].
+        information: of the texels that count on the unknowns in common, per texel [S, S].
+        misfit: of what was drawn anew with the noise alone, as `misfit_of` has it.
     """
 
     mean: Tensor
-    covariance: Tensor
+    scatter: Tensor
+    information: Tensor
+    misfit: float
 
     @classmethod
     def none(cls, unknowns: int) -> ScoreBias:
         """Of texels whose scores are unbiased."""
         zeros = torch.zeros(unknowns, unknowns, dtype=torch.float64)
-        return cls(zeros.sum(0), zeros)
+        return cls(zeros.sum(0), zeros, zeros, 0.0)
+
+    @classmethod
+    def average(cls, draws: Sequence[ScoreBias]) -> ScoreBias:
+        """What several draws say together."""
+        mean, scatter, information, misfit = (sum(part) / len(draws) for part in zip(*draws, strict=True))
+        return cls(mean, scatter / len(draws), information, misfit)
+
+    @property
+    def error(self) -> Tensor:
+        """Covariance of the error of the mean [S, S]."""
+        error = _BIAS_ERROR * self.mean
+        return self.scatter + error[:, None] * error
 
     @classmethod
     def of(cls, fitter: TexelFitter, fit: TileFit, inflation: float, limit: float, seed: int) -> ScoreBias:
@@ -113,19 +138,27 @@ class ScoreBias(NamedTuple):
         left of what is linear in it.
         """
         tile, generator = fit.tile, torch.Generator().manual_seed(seed)
-        radiance = fit.radiance
+        radiance, size = fit.radiance, len(fitter.texels.common)
         std = (inflation * tile.batch.variance(radiance)).sqrt()
         noise = std * torch.randn(radiance.shape, generator=generator)
-        scores = torch.zeros(len(fitter.texels.common), len(tile), dtype=torch.float64)
+        scores = torch.zeros(size, len(tile), dtype=torch.float64)
+        information, misfit = torch.zeros(size, size, dtype=torch.float64), 0.0
         for drawn in (noise, -noise):
             again = fitter.fit(tile.measuring(radiance + drawn), fit.prior)
             elimination = Elimination.of(fitter, again)
             counted = Reliable.of(fitter, again, elimination, inflation, limit).counted
             scores += 0.5 * elimination.scores * counted
+            information += 0.5 * elimination.sums(counted).information
+            misfit += 0.5 * misfit_of(again) / inflation
         mean = scores.mean(-1)
         apart = scores - mean[:, None]
-        error = _BIAS_ERROR * mean
-        return cls(mean, apart @ apart.T / len(tile) ** 2 + error[:, None] * error)
+        return cls(mean, apart @ apart.T / len(tile) ** 2, information / len(tile), misfit)
+
+
+def misfit_of(fit: TileFit) -> float:
+    """χ² of a texel, but for those of the largest: the mean."""
+    chi2 = fit.problem.normal(fit.theta, ()).cost
+    return float(chi2.sort().values[: math.ceil((1 - _MISSED) * len(chi2))].mean())
 
 
 def totals(tile: TexelTile, squares: LeastSquares, values: Tensor) -> Tensor:
