@@ -73,6 +73,26 @@ class Mirror:
         values: np.ndarray = np.where(self.encoding.saturated(stored), np.nan, signal)
         return values
 
+    def radiances(self, pixels: np.ndarray, what: str, progress: Progress = silent) -> np.ndarray:
+        """Radiance of some pixels of all K photographs [K, n, C], float64.
+
+        Args:
+            pixels: their flat indices [n].
+            what: the photographs show, for the progress.
+            progress: told of every photograph.
+
+        Raises:
+            InputError: one that cannot be read, or has another size or other channels than the first.
+        """
+        parts = []
+        read = in_threads(lambda index: self.radiance(index, pixels), range(len(self.files)))
+        for done, values in enumerate(read, start=1):
+            parts.append(values.astype(np.float64))
+            progress(f"reading the {what}", done, len(self.files))
+        if len({values.shape[1] for values in parts}) > 1:
+            raise InputError(f"{self.folder}: photographs in grey and in colour; convert them to one of the two.")
+        return np.stack(parts)
+
     def _stored(self, index: int) -> ImageFile:
         path = self.files[index]
         file = read_image_file(path)

@@ -21,7 +21,6 @@ from matest.lights.strength_sums import Sums
 from matest.progress import Progress, silent
 from matest.scene import Points
 from matest.shading import shade
-from matest.workers import in_threads
 
 # Samples of all photographs together: more make errors of the calibration no smaller.
 _SAMPLES = 24_000
@@ -244,16 +243,9 @@ def _read(matte: Mirror, world: _World, progress: Progress) -> _Samples:
     sector = np.floor((np.arctan2(y - row, x - column) / (2 * math.pi) + 0.5) * _SECTORS).clip(0, _SECTORS - 1)
     # Rings of equal areas.
     ring = np.floor(((x - column) ** 2 + (y - row) ** 2) / radius**2 * _RINGS).clip(0, _RINGS - 1)
-    radiance = []
-    for done, values in enumerate(
-        in_threads(lambda index: matte.radiance(index, pixels), range(len(matte.files))), start=1
-    ):
-        radiance.append(values.astype(np.float64))
-        progress("reading the matte sphere", done, len(matte.files))
-    if len({values.shape[1] for values in radiance}) > 1:
-        raise InputError(f"{matte.folder}: photographs in grey and in colour; convert them to one of the two.")
+    radiance = matte.radiances(pixels, "matte sphere", progress)
     places = (np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
-    samples = _Samples(np.stack(radiance), *places, (sector * _RINGS + ring).astype(np.int64))
+    samples = _Samples(radiance, *places, (sector * _RINGS + ring).astype(np.int64))
     usable = (world.shares(samples, 0.0) > 0) & np.isfinite(samples.radiance).all(axis=2)
     for file, number in zip(matte.files, usable.sum(axis=1), strict=True):
         if number < _FEWEST_PIXELS:

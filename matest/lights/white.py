@@ -14,7 +14,6 @@ from matest.lights.mirror import Mirror
 from matest.lights.sphere import standard_errors
 from matest.lights.strengths import Strengths
 from matest.progress import Progress, silent
-from matest.workers import in_threads
 
 # Pixels of a photograph at most.
 _PIXELS = 20_000
@@ -108,15 +107,7 @@ def _read(target: Mirror, progress: Progress) -> tuple[Array, NDArray[np.int64]]
     pixels = np.arange(height * width) if target.mask is None else np.flatnonzero(target.mask)
     if len(pixels) > _PIXELS:
         pixels = np.sort(np.random.default_rng(0).choice(pixels, _PIXELS, replace=False))
-    parts = []
-    for done, values in enumerate(
-        in_threads(lambda index: target.radiance(index, pixels), range(len(target.files))), start=1
-    ):
-        parts.append(values.astype(np.float64))
-        progress("reading the white target", done, len(target.files))
-    if len({values.shape[1] for values in parts}) > 1:
-        raise InputError(f"{target.folder}: photographs in grey and in colour; convert them to one of the two.")
-    radiance = np.stack(parts)
+    radiance = target.radiances(pixels, "white target", progress)
     usable = np.isfinite(radiance).all(axis=(0, 2))
     if usable.sum() < _FEWEST_PIXELS:
         shares = np.isnan(radiance).any(axis=2).mean(axis=1)
