@@ -114,7 +114,8 @@ class ScoreSums:
         Unknowns of single images are eliminated image by image, for the work of an inverse grows with the cube.
         """
         free = torch.zeros(len(self.scores), dtype=torch.bool)
-        for place in (self.fitted, *self.places.values()):
+        free[self.fitted] = True
+        for place in self.places.values():
             free[place] = True
         scale = _scale(self.information)
         scores = scale * self.scores
