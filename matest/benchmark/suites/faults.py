@@ -68,4 +68,4 @@ def table(records: Sequence[Record]) -> Group:
     return page(about, listed("fault", metrics, by_case(records)), records=records)
 
 
-SUITE = Suite(measure, table, share=60)
+SUITE = Suite(measure, table, share=30)
