@@ -6,13 +6,14 @@ import contextlib
 import json
 import math
 import os
-import shutil
-import tempfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from matest.errors import InputError
+
+# A folder that is made and removed where something is to be written.
+_PROBE = ".matest-probe"
 
 
 def keep_inputs(outputs: Iterable[Path], inputs: Iterable[Path]) -> None:
@@ -67,10 +68,26 @@ def check_writable(folder: Path) -> None:
         what = "is a file" if place == followed(folder).absolute() else f"lies in {place}, which is a file"
         raise InputError(f"{folder}: {what}; give another folder with -o.")
     try:
-        # Rights alone do not tell: disks may be full, and folders of the system take no files.
-        os.rmdir(tempfile.mkdtemp(prefix=".part-", dir=place))
+        _try_to_write(place)
     except OSError as error:
         raise OSError(error.errno, f"{error.strerror or error}; nothing can be written there", str(folder)) from None
+
+
+def _try_to_write(folder: Path) -> None:
+    """Rights alone do not tell: disks may be full, and folders of the system take no files.
+
+    Raises:
+        OSError: nothing can be written there.
+    """
+    probe = folder / _PROBE
+    # Of a run that was killed.
+    with contextlib.suppress(OSError):
+        probe.rmdir()
+    # There is one if another run does the same at this moment.
+    with contextlib.suppress(FileExistsError):
+        probe.mkdir()
+    with contextlib.suppress(OSError):
+        probe.rmdir()
 
 
 def json_text(content: Any, **options: Any) -> str:
@@ -95,36 +112,3 @@ def _finite(content: Any) -> Any:
 def write_text(path: Path, text: str) -> None:
     """Write UTF-8; bytes of file names that are no text are written as escapes."""
     path.write_bytes(text.encode("utf-8", "backslashreplace"))
-
-
-@contextlib.contextmanager
-def whole_files(folder: Path, last: str) -> Iterator[Path]:
-    """A temporary folder whose files move to `folder` when the block ends well, and vanish otherwise.
-
-    Args:
-        folder: other files in it stay; it is made if there is none.
-        last: the file that moves last, by which readers know that the others are there.
-
-    Raises:
-        OSError: the files cannot be written; it names `folder`.
-    """
-    folder = followed(folder)
-    new = not folder.exists()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(prefix=".part-", dir=folder))
-        try:
-            yield temporary
-            files = [file.relative_to(temporary) for file in temporary.rglob("*") if file.is_file()]
-            for file in sorted(files, key=lambda file: file == Path(last)):
-                (folder / file).parent.mkdir(parents=True, exist_ok=True)
-                os.replace(temporary / file, folder / file)
-        except BaseException:
-            shutil.rmtree(temporary, ignore_errors=True)
-            if new:
-                with contextlib.suppress(OSError):
-                    folder.rmdir()
-            raise
-        shutil.rmtree(temporary, ignore_errors=True)
-    except OSError as error:
-        raise OSError(error.errno, error.strerror or str(error), str(folder)) from None

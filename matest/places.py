@@ -1,4 +1,4 @@
-"""The place of a result folder: one run at a time writes there, and the folder appears whole or not at all."""
+"""The place of a result: one run at a time writes there, and its folder or files appear whole or not at all."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ _RENAME_EXCHANGE = 2
 
 @contextlib.contextmanager
 def reserved(out: Path) -> Iterator[None]:
-    """The right to write a folder, which no other process has meanwhile; may be nested in one thread.
+    """The right to write a folder or file, which no other process has meanwhile; may be nested in one thread.
 
-    What killed runs left beside the folder is removed. Parents of the folder are made; those that are empty at the end
-    are removed again.
+    What killed runs left beside it is removed. Folders above it are made; those that are empty at the end are removed
+    again.
 
     Raises:
         WorkError: another run has it.
@@ -69,6 +69,38 @@ def whole_folder(out: Path) -> Iterator[Path]:
         OSError: nothing can be written there; it names `out`.
     """
     out = followed(out)
+    with _part(out) as part:
+        yield part
+        _take_place(part, out)
+
+
+@contextlib.contextmanager
+def whole_files(folder: Path, last: str) -> Iterator[Path]:
+    """A temporary folder whose files move to `folder` when the block ends well, and vanish otherwise.
+
+    Args:
+        folder: other files in it stay; it is made if there is none.
+        last: the file that moves last, by which readers know that the others are there.
+
+    Raises:
+        WorkError: another run is writing that file.
+        OSError: the files cannot be written; it names `folder`.
+    """
+    folder = followed(folder)
+    try:
+        with _part(folder / last) as part:
+            yield part
+            files = [file.relative_to(part) for file in part.rglob("*") if file.is_file()]
+            for file in sorted(files, key=lambda file: file == Path(last)):
+                (folder / file).parent.mkdir(parents=True, exist_ok=True)
+                (part / file).replace(folder / file)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror or str(error), str(folder)) from None
+
+
+@contextlib.contextmanager
+def _part(out: Path) -> Iterator[Path]:
+    """A temporary folder beside what is to be written, which is reserved meanwhile."""
     with reserved(out):
         part = _beside(out, "part")
         try:
@@ -78,7 +110,6 @@ def whole_folder(out: Path) -> Iterator[Path]:
         UNFINISHED.add(part)
         try:
             yield part
-            _take_place(part, out)
         finally:
             shutil.rmtree(part, ignore_errors=True)
             UNFINISHED.discard(part)

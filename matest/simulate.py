@@ -17,11 +17,12 @@ from matest.capture import schema
 from matest.capture.description import Description
 from matest.capture.writing import as_toml, changes
 from matest.errors import InputError
-from matest.outputs import check_distinct, check_writable, keep_inputs, whole_files
+from matest.outputs import check_distinct, check_writable, keep_inputs
 from matest.photographs.images import full_scale, write_image
 from matest.photographs.noise import Noise, steps
 from matest.photographs.photometry import Encoding
 from matest.photographs.storage import Storage, release
+from matest.places import whole_files
 from matest.progress import Progress, silent
 from matest.scene_file import DTYPES, PEAK_LEVEL, SimulatedScene, bits_of, load_scene
 from matest.supersampling import radiance_of_rays

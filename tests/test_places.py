@@ -14,7 +14,7 @@ import pytest
 
 from matest import places
 from matest.errors import WorkError
-from matest.places import reserved, sweep, whole_file, whole_folder
+from matest.places import reserved, sweep, whole_file, whole_files, whole_folder
 
 # Reserves a place, says so, and waits.
 OTHER_RUN = """
@@ -132,6 +132,43 @@ def test_an_error_while_taking_the_place_brings_the_old_folder_back(old: Path, m
     assert tree(old.parent) == {"matest/result.json": b"old"}
 
 
+def test_files_move_together_into_a_folder_whose_others_stay(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    (tmp_path / "index").write_text("old")
+    with whole_files(tmp_path, last="index") as part:
+        (part / "images").mkdir()
+        (part / "images" / "00").write_text("pixels")
+        (part / "index").write_text("new")
+        assert (tmp_path / "index").read_text() == "old"
+    assert {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*")} == {
+        "notes.txt",
+        "index",
+        "images",
+        "images/00",
+    }
+    assert (tmp_path / "index").read_text() == "new"
+
+
+def test_an_error_of_the_disk_names_the_folder_and_leaves_nothing(tmp_path: Path) -> None:
+    def fill() -> None:
+        with whole_files(tmp_path / "out", last="index") as part:
+            (part / "index").write_text("half")
+            raise OSError(28, "No space left on device")
+
+    with pytest.raises(OSError, match="No space left") as caught:
+        fill()
+    assert caught.value.filename == str(tmp_path / "out")
+    assert not [*tmp_path.iterdir()]
+
+
+def test_files_go_where_a_link_leads(tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to("real")
+    with whole_files(tmp_path / "link", last="b") as part:
+        (part / "b").write_text("1")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "real" / "b").read_text() == "1"
+
+
 def test_a_second_run_is_refused_in_a_sentence_and_the_first_goes_on(old: Path) -> None:
     with another_run(old) as other:
         with pytest.raises(WorkError, match=r"another run of matest is writing there; wait until it ends"):
@@ -147,6 +184,18 @@ def test_what_a_killed_run_left_goes_with_the_next(old: Path) -> None:
     assert ".matest.matest-part/half.txt" in tree(old.parent)
     sweep(old)
     assert tree(old.parent) == {"matest/result.json": b"old"}
+
+
+def test_files_of_a_killed_run_go_with_the_next_and_other_hidden_ones_stay(tmp_path: Path) -> None:
+    (tmp_path / ".part-mine").mkdir()
+    # It is writing a folder of that name, for which it makes the same place.
+    with another_run(tmp_path / "index"):
+        with pytest.raises(WorkError, match="another run of matest"):
+            whole_files(tmp_path, last="index").__enter__()
+        assert ".index.matest-part/half.txt" in tree(tmp_path)
+    with whole_files(tmp_path, last="index") as part:
+        (part / "index").write_text("new")
+    assert sorted(path.name for path in tmp_path.iterdir()) == [".part-mine", "index"]
 
 
 def test_what_a_killed_run_had_put_aside_comes_back(old: Path) -> None:

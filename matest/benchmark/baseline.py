@@ -35,6 +35,8 @@ SELECTED: dict[str, tuple[Kind, float | None]] = {
         for metric in ("given", "*rms error", "coverage", "optimum missed")
     },
     "export/*: error": ("accuracy", 0.05),
+    "fuzz/faults": ("accuracy", 0.0),
+    "faults/lost or partial": ("accuracy", 0.0),
     "models/tiled gradient": ("cost", 0.5),
     "models/time per pass": ("cost", 0.5),
     "models/* needed components": ("cost", 0.5),

@@ -38,15 +38,16 @@ class Range:
 
 
 FINITE = Range(f"must be finite and below {LARGEST:g}")
-NOT_NEGATIVE = Range("must be finite and not negative", 0, ends=(True, False))
-POSITIVE = Range("must be positive", 0)
-PIXELS = Range("must be positive pixels", 0)
-WORLD_UNITS = Range("must be positive world units", 0)
+NOT_NEGATIVE = Range(f"must be below {LARGEST:g} and not negative", 0, ends=(True, False))
+POSITIVE = Range(f"must be positive and below {LARGEST:g}", 0)
+PIXELS = Range(f"must be positive pixels, below {LARGEST:g}", 0)
+WORLD_UNITS = Range(f"must be positive world units, below {LARGEST:g}", 0)
 ANGLE_OF_VIEW = Range("must lie between 0 and π rad", 0, math.pi)
 SOLID_ANGLE = Range("must lie between 0 and 4π sr", 0, 4 * math.pi, ends=(False, True))
 # Those of cameras and screens lie between 0.4 and 2.6: a percentage or a typing error does not.
 GAMMA = Range("as a number is a gamma and must lie between 0.1 and 10", 0.1, 10, ends=(True, True))
-SCALE = Range("is the radiance of full scale and must be positive", 0)
+# Divided by less, a radiance leaves what single precision can square.
+SCALE = Range(f"is the radiance of full scale and must lie between {1 / LARGEST:g} and {LARGEST:g}", 1 / LARGEST)
 PEDESTAL = Range("must be a fraction of full scale")
 SATURATION = Range("must be a positive fraction of full scale, or one per channel", 0)
 # Squares of radiance and its noise must stay within single precision.

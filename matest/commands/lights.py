@@ -10,7 +10,8 @@ import typer
 from matest.commands import arguments
 from matest.commands.console import console, print_json, progress
 from matest.errors import InputError
-from matest.outputs import keep_inputs, whole_files
+from matest.outputs import keep_inputs
+from matest.places import whole_files
 
 if TYPE_CHECKING:
     from matest.lights.mirror import Mirror

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -38,15 +39,29 @@ def too_bright(samples: Samples) -> str:
     Args:
         samples: of photographs.
     """
+    level = _level(samples)
+    if not level > _TOO_BRIGHT:
+        return ""
+    return f"The images are {level:.2g} times as bright as a white surface would be: {_MEND}"
+
+
+def unlike_surfaces(samples: Samples) -> str:
+    """A sentence on photographs that are brighter or darker than anything could be; empty where they are not."""
+    level = _level(samples)
+    if not 0 < level < _TOO_DARK:
+        return too_bright(samples)
+    return f"The images are {level:.2g} times as bright as a white surface would be: they are black, or {_MEND}"
+
+
+def _level(samples: Samples) -> float:
+    """Brightness as a multiple of that of a white matte surface; NaN where the strength of the lights is unknown."""
     measured = white = 0.0
     for batch in samples.pilot(_COUNT, seed=0):
         matte = Lambert(torch.tensor(1.0)).to(batch.radiance.dtype, batch.radiance.device)
         with torch.no_grad():
             white += float(shade(matte, batch.points).expand_as(batch.radiance).double().sum())
         measured += float(batch.radiance.double().sum())
-    if samples.relative or not white > 0 or not measured > _TOO_BRIGHT * white:
-        return ""
-    return f"The images are {measured / white:.2g} times as bright as a white surface would be: {_MEND}"
+    return measured / white if white > 0 and not samples.relative else math.nan
 
 
 def too_dark(estimates: Mapping[str, ParameterEstimate], amplitudes: Sequence[str], relative: bool) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from matest.direction_error import direction_note
 from matest.errors import InputError
-from matest.estimation.brightness import too_bright
+from matest.estimation.brightness import unlike_surfaces
 from matest.estimation.calibration import without_effect
 from matest.estimation.freeing import determined_by_images, widened
 from matest.estimation.map_selection import FEWEST_IMAGES, select_mapped
@@ -118,8 +118,8 @@ def estimate_with(capture: Capture, options: Options, progress: Progress = silen
         expression, candidates = selection.best.recipe.expression, selection.candidates
     specification, solution = solve(expression, samples, options, progress)
     if not solution.statistics.total("values"):
-        if bright := too_bright(samples):
-            raise InputError(f"{capture.name}: {bright}")
+        if sentence := unlike_surfaces(samples):
+            raise InputError(f"{capture.name}: {sentence}")
         why = misdescribed(samples) or "Photograph it with another exposure."
         raise InputError(
             f"{capture.name}: no value lies inside the sensor's range and near the model: the object is saturated or "

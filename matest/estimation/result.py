@@ -226,9 +226,9 @@ def load_material(path: str | Path) -> Brdf:
     try:
         brdf, _ = model(content["model"])
         # Under relative radiometry an albedo may exceed 1: `replace` does not check tensors.
+        if others := [key for key, value in content["parameters"].items() if not _is_value(value)]:
+            raise InputError(f"{others[0]} must be a number or a list of one number per channel; estimate it again.")
         values = {key: torch.as_tensor(value, dtype=torch.float64) for key, value in content["parameters"].items()}
-        if nested := [key for key, value in values.items() if value.ndim > 1 or not value.numel()]:
-            raise InputError(f"{nested[0]} must be a number or a list of one number per channel; estimate it again.")
         # Squares of what is shaded with it must stay within single precision.
         if beyond := [key for key, value in values.items() if not bool(value.float().square().isfinite().all())]:
             raise InputError(f"{beyond[0]} is {content['parameters'][beyond[0]]}; estimate it again.")
@@ -244,6 +244,12 @@ def load_material(path: str | Path) -> Brdf:
     except (TypeError, ValueError, OverflowError, RuntimeError) as error:
         file = _material_file(path)
         raise InputError(f"{file}: expected a material of 'matest estimate'; cannot read it ({error}).") from None
+
+
+def _is_value(value: Any) -> bool:
+    """Whether JSON holds a parameter: a number, or a list of them. True and false are none."""
+    numbers = value if isinstance(value, list) else [value]
+    return bool(numbers) and all(type(number) in (int, float) for number in numbers)
 
 
 def _material_file(path: str | Path) -> Path:

@@ -13,8 +13,8 @@ import torch
 from matest.brdf import Brdf
 from matest.export.atlas import Atlas
 from matest.export.texture import Coverage, Texture
-from matest.outputs import whole_files
 from matest.photographs.images import write_image
+from matest.places import whole_files
 
 # The mesh of a folder of textures.
 MESH = "mesh.obj"

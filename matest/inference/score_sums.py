@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import torch
@@ -62,6 +63,7 @@ class ScoreSums:
         information: of N unknowns: those of the fit come first [N, N].
         scores: JᵀWr [N].
         fitted: unknowns of the fit that are free to follow [M].
+        alone: for each image the unknowns outside the fit that no other image touches: no term joins those of two.
         places: of the unknowns of each family that is not in the fit, by name.
         by_pixel: sums of families of single pixels, by name.
         units: what one standard deviation of the errors as a whole is of each unknown of a family, by name.
@@ -72,6 +74,7 @@ class ScoreSums:
     information: Tensor
     scores: Tensor
     fitted: Tensor
+    alone: Sequence[Tensor]
     places: Mapping[str, slice]
     by_pixel: Mapping[str, PixelSums]
     units: Mapping[str, float]
@@ -96,7 +99,7 @@ class ScoreSums:
             return Spectrum(values.flatten(), (vectors.mT @ scores[..., None]).flatten().square())
         place = self.places[name]
         cross = self.information[self.fitted][:, place]
-        followed = _solve(self.information[self.fitted][:, self.fitted], cross)
+        followed = self._fitted_inverse(cross)
         own = self.information[place, place]
         information = own - cross.T @ followed
         scores = self.scores[place] - followed.T @ self.scores[self.fitted]
@@ -106,23 +109,76 @@ class ScoreSums:
         return Spectrum(torch.where(seen, values, 0.0), torch.where(seen, (vectors.T @ scores).square(), 0.0))
 
     def chi2_with_everything(self) -> float:
-        """χ² per value if errors of all families but those of single pixels had their best values."""
-        everything = torch.cat(
-            [self.fitted, *(torch.arange(place.start, place.stop) for place in self.places.values())]
+        """χ² per value if errors of all families but those of single pixels had their best values.
+
+        Unknowns of single images are eliminated image by image, for the work of an inverse grows with the cube.
+        """
+        free = torch.zeros(len(self.scores), dtype=torch.bool)
+        free[self.fitted] = True
+        for place in self.places.values():
+            free[place] = True
+        scale = _scale(self.information)
+        scores = scale * self.scores
+        images = [image[free[image]] for image in self.alone]
+        own = torch.cat([self.fitted[:0], *images])
+        free[own] = False
+        shared = free.nonzero()[:, 0]
+        cross = torch.column_stack([self._scaled(scale, own, shared), scores[own]])
+        parts = cross.split([len(image) for image in images])
+        followed = torch.cat(
+            [
+                cross[:0],
+                *(
+                    _Inverse.of(self._scaled(scale, image, image))(part)
+                    for image, part in zip(images, parts, strict=True)
+                ),
+            ]
         )
-        scores = self.scores[everything]
-        gain = float(scores @ _solve(self.information[everything][:, everything], scores[:, None])[:, 0])
+        taken = cross.T @ followed
+        rest = scores[shared] - taken[:-1, -1]
+        inverse = _Inverse.of(self._scaled(scale, shared, shared) - taken[:-1, :-1])
+        gain = float(taken[-1, -1] + rest @ inverse(rest))
         return max(self.cost - gain, 0.0) / max(self.values, 1)
 
+    def _scaled(self, scale: Tensor, rows: Tensor, columns: Tensor) -> Tensor:
+        """A part of the information, of unknowns in other units."""
+        return scale[rows, None] * self.information[rows[:, None], columns] * scale[columns]
 
-def _solve(information: Tensor, columns: Tensor) -> Tensor:
-    """The inverse of an information [M, M] times columns [M, k]; combinations that are not seen stay where they are."""
+    @cached_property
+    def _fitted_inverse(self) -> _Inverse:
+        information = self.information[self.fitted][:, self.fitted]
+        return _Inverse.of(information, _scale(information))
+
+
+class _Inverse(NamedTuple):
+    """The inverse of an information of M unknowns; combinations that are not seen stay where they are.
+
+    Attributes:
+        vectors: of the scaled information, as columns, each times what scales its unknowns [M, M].
+        values: inverse eigenvalues; 0 of combinations that are not seen [M].
+    """
+
+    vectors: Tensor
+    values: Tensor
+
+    @classmethod
+    def of(cls, information: Tensor, scale: Tensor | None = None) -> _Inverse:
+        """Of an information [M, M], with what scales its unknowns to a diagonal of ones [M]; None: they are scaled."""
+        if scale is not None:
+            information = information * scale[:, None] * scale
+        values, vectors = torch.linalg.eigh(information)
+        inverse = torch.where(values > _UNSEEN, 1 / values.clamp(min=_UNSEEN), 0.0)
+        return cls(vectors if scale is None else scale[:, None] * vectors, inverse)
+
+    def __call__(self, columns: Tensor) -> Tensor:
+        """The inverse times columns [M] or [M, k]."""
+        return (self.vectors * self.values) @ (self.vectors.T @ columns)
+
+
+def _scale(information: Tensor) -> Tensor:
+    """What unknowns are divided by so that the diagonal of an information is one; 0 of those that are not seen."""
     diagonal = information.diagonal()
-    scale = torch.where(diagonal > 0, diagonal.clamp(min=1e-300).rsqrt(), 0.0)
-    values, vectors = torch.linalg.eigh(information * scale[:, None] * scale)
-    seen = values > _UNSEEN
-    inverse = torch.where(seen, 1 / values.clamp(min=_UNSEEN), 0.0)
-    return scale[:, None] * (vectors @ (inverse[:, None] * (vectors.T @ (scale[:, None] * columns))))
+    return torch.where(diagonal > 0, diagonal.clamp(min=1e-300).rsqrt(), 0.0)
 
 
 @single_threaded_torch()
@@ -143,7 +199,8 @@ def score_sums(solution: Solution, problem: Problem, batch: Batch) -> ScoreSums:
     channels, total = len(weight), problem.size + sum(len(columns) for columns in extra.values()) * len(weight)
     information, scores = torch.zeros(total, total, dtype=torch.float64), torch.zeros(total, dtype=torch.float64)
     columns = torch.cat([*extra.values()], dim=0)
-    for rows, own in _runs(problem, batch):
+    images = [*_runs(problem, batch)]
+    for rows, own in images:
         for channel in range(channels):
             jacobian = torch.cat([tangent.jacobian[channel][:, rows], columns[:, rows, channel]])
             weighted = jacobian * weight[channel, rows]
@@ -161,6 +218,7 @@ def score_sums(solution: Solution, problem: Problem, batch: Batch) -> ScoreSums:
         information=information,
         scores=scores,
         fitted=(~held).nonzero()[:, 0],
+        alone=_alone([own[own >= size] for _, own in images], total),
         places={
             **{family.name: problem.where[family.name] for family in families if not family.of_pixels},
             **_places_of(extra, problem.size, channels),
@@ -184,6 +242,14 @@ def _runs(problem: Problem, batch: Batch) -> Iterator[tuple[slice, Tensor]]:
     ends = counts.cumsum(0)
     for start, end in zip((ends - counts).tolist(), ends.tolist(), strict=True):
         yield slice(start, end), problem.places[groups[start]]
+
+
+def _alone(touched: Sequence[Tensor], total: int) -> list[Tensor]:
+    """Of the unknowns that each image touches those that no other does."""
+    images = torch.zeros(total, dtype=torch.long)
+    for own in touched:
+        images[own] += 1
+    return [own[images[own] == 1] for own in touched]
 
 
 @torch.no_grad()

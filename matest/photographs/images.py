@@ -63,8 +63,8 @@ def read_image_file(path: Path, *, coloured: bool = True) -> ImageFile:
     if image.ndim != 3 or image.shape[2] not in (1, 2, 3, 4) or not image.size:
         raise InputError(f"{path}: expected a grey or RGB image, H×W or H×W×3; got shape {image.shape}. Convert it.")
     if image.dtype.kind == "f":
-        # What is beyond single precision becomes infinite, which is refused.
-        with np.errstate(over="ignore"):
+        # What is beyond single precision becomes infinite, which is refused as any NaN is, a signalling one too.
+        with np.errstate(over="ignore", invalid="ignore"):
             image = image.astype(np.float32, copy=False)
     elif image.dtype not in (np.uint8, np.uint16):
         raise InputError(f"{path}: expected 8 or 16 bit integers or floats; got {image.dtype}. Convert the image.")

@@ -54,17 +54,30 @@ def test_there_are_as_many_channels_as_the_longest_colour_has(folder: CaptureFol
 @pytest.mark.parametrize(
     ("table", "values", "words"),
     [
-        ("noise", {"read": -0.1}, "noise.read must be finite and not negative; got -0.1"),
-        ("encoding", {"scale": 0.0}, "encoding.scale is the radiance of full scale and must be positive; got 0.0."),
-        ("geometry", {"shape": "sphere", "radius": -3.0}, "geometry.radius must be positive pixels; got -3.0."),
-        ("geometry", {"normals": "n.exr", "width": 0.0}, "geometry.width must be positive world units; got 0.0."),
+        ("noise", {"read": -0.1}, "noise.read must be below 1e+15 and not negative; got -0.1"),
+        ("encoding", {"scale": 1e-300}, "encoding.scale is the radiance of full scale and must lie between"),
+        (
+            "encoding",
+            {"scale": 0.0},
+            "encoding.scale is the radiance of full scale and must lie between 1e-15 and 1e+15; got 0.0.",
+        ),
+        (
+            "geometry",
+            {"shape": "sphere", "radius": -3.0},
+            "geometry.radius must be positive pixels, below 1e+15; got -3.0.",
+        ),
+        (
+            "geometry",
+            {"normals": "n.exr", "width": 0.0},
+            "geometry.width must be positive world units, below 1e+15; got 0.0.",
+        ),
         ("geometry", {"shape": "sphere", "width": 2.0}, "geometry.width goes with normals seen by a distant viewer"),
         (
             "geometry",
             {"normals": "n.exr", "positions": "p.exr", "width": 2.0},
             "geometry.width goes with normals seen by a distant viewer, and without positions; leave it out.",
         ),
-        ("camera", {"height": 0.0}, "camera.height must be positive world units; got 0.0."),
+        ("camera", {"height": 0.0}, "camera.height must be positive world units, below 1e+15; got 0.0."),
         ("camera", {"fov_y": 4.0}, "camera.fov_y must lie between 0 and π rad; got 4.0."),
     ],
 )

@@ -62,7 +62,7 @@ def test_what_is_no_number_is_refused_at_every_key(folder: CaptureFolder, table:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"exposure": float("nan")}, "image 1: exposure must be positive; got nan."),
+        ({"exposure": float("nan")}, "image 1: exposure must be positive and below 1e+15; got nan."),
         ({"ambient": [0.0, float("inf"), 0.0]}, "image 1: ambient must be one number or one per channel, not negative"),
         ({"lights": [{"direction": [0.0, 0.0, float("nan")]}]}, "image 1, light 0: direction must be finite"),
         ({"lights": [{"direction": [0.0, 0.0, 1.0], "irradiance": -1.0}]}, "image 1, light 0: irradiance must be"),

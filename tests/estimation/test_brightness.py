@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from matest import estimate
-from tests.captures import CaptureFolder
+from tests.captures import CaptureFolder, encode_as_png, refusal
 
 SAID = "encoding.scale, an exposure or an irradiance is likely wrong by that much"
 
@@ -26,6 +26,13 @@ def test_images_brighter_than_any_surface_are_told(folder: CaptureFolder) -> Non
     except ValueError as error:
         said = [str(error)]
     assert any("times as bright as a white surface" in sentence and SAID in sentence for sentence in said)
+
+
+def test_images_too_dark_to_be_fitted_are_not_called_saturated(folder: CaptureFolder) -> None:
+    encode_as_png(folder, np.uint16)
+    folder.tables |= {"encoding": {"scale": 1e-12, "transfer": "linear"}, "noise": {"read": 2e-4, "gain": 1e-5}}
+    message = refusal(lambda: estimate(folder.load(), model="lambert"))
+    assert f"times as bright as a white surface would be: they are black, or {SAID}" in message
 
 
 @pytest.mark.parametrize("scale", [0.01, 1.0])

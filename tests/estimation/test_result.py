@@ -291,7 +291,8 @@ def test_a_material_of_another_kind_is_refused_by_name(tmp_path: Path, content: 
 
 
 @pytest.mark.parametrize(
-    "albedo", ["NaN", "Infinity", "[[0.5]]", "[[[0.5]]]", "[]", "null", "-1", "1e300", "9" * 5000, "[" * 100_000]
+    "albedo",
+    ["NaN", "Infinity", "[[0.5]]", "[[[0.5]]]", "[]", "null", "true", "-1", "1e300", "9" * 5000, "[" * 100_000],
 )
 def test_a_material_that_is_no_number_is_refused(tmp_path: Path, albedo: str) -> None:
     file = tmp_path / "material.json"

@@ -231,6 +231,13 @@ def test_values_whose_squares_overflow_are_refused(tmp_path):
     assert "1 pixel holds" in refusal(lambda: read_image(tmp_path / "image.npy"))
 
 
+def test_a_signalling_nan_of_double_precision_is_refused_without_a_warning(tmp_path):
+    image = floats(3).astype(np.float64)
+    image.view(np.uint64)[2, 3, 1] = 0x7FF4 << 48
+    np.save(tmp_path / "image.npy", image)
+    assert "1 pixel holds" in refusal(lambda: read_image(tmp_path / "image.npy"))
+
+
 def test_an_array_larger_than_memory_is_refused(tmp_path):
     path = tmp_path / "image.npy"
     with path.open("wb") as file:

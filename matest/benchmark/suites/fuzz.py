@@ -47,4 +47,4 @@ def table(records: Sequence[Record]) -> Group:
     return page(about, listed("reader", METRICS, by_case(records)), records=records)
 
 
-SUITE = Suite(measure, table, share=60)
+SUITE = Suite(measure, table, share=30)

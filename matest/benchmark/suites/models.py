@@ -126,4 +126,4 @@ def table(records: Sequence[Record]) -> Group:
     return page(about, times, "", Text(legend), "", passes, *table4.tables(records), records=records)
 
 
-SUITE = Suite(measure, table, share=200)
+SUITE = Suite(measure, table, share=170)

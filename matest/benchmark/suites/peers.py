@@ -165,4 +165,4 @@ def table(records: Sequence[Record]) -> Group:
     return page(about, times, records=records)
 
 
-SUITE = Suite(measure, table, share=300)
+SUITE = Suite(measure, table, share=270)
