@@ -170,8 +170,9 @@ def thinned(picture: np.ndarray, side: int) -> np.ndarray:
 
 
 def _some(picture: np.ndarray, every: int) -> np.ndarray:
-    """One pixel of every `every`×`every`, from the middle."""
-    return picture[every // 2 :: every, every // 2 :: every]
+    """One pixel of every `every`×`every`, from the middle; a picture of one row or column keeps it."""
+    rows, columns = (slice(min(every, side) // 2, None, every) for side in picture.shape[:2])
+    return picture[rows, columns]
 
 
 def _laid_out(values: np.ndarray, places: np.ndarray) -> np.ndarray:
