@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import atexit
-import contextlib
 import functools
 import importlib
 import inspect
@@ -153,7 +152,9 @@ def _own_fault(error: Exception) -> str:
 
 
 def _fail(text: str, code: int) -> None:
-    # Who closed it wants no words, but the exit code all the same.
-    with contextlib.suppress(OSError, ValueError):
+    try:
         print(f"matest: {printable(text)}", file=sys.stderr, flush=True)
+    except (OSError, ValueError):
+        # Who closed it wants no words, but the exit code all the same: at its end Python would try again.
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     sys.exit(code)

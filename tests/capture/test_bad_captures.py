@@ -62,7 +62,10 @@ def test_values_that_are_not_finite_in_an_exr_are_refused(folder, bad):
         write_image(folder.path / table["file"], image)
     message = refusal(folder.load)
     assert str(folder.path / "00.exr") in message
-    assert "1 pixel holds NaN, infinity or larger ones. Set it to 0 in the file; in a photograph leave it out of the mask" in message
+    assert (
+        "1 pixel holds NaN, infinity or larger ones. Set it to 0 in the file; in a photograph leave it out of the mask"
+        in message
+    )
 
 
 def test_pixels_that_are_not_finite_are_counted_once_each(folder):
@@ -70,7 +73,10 @@ def test_pixels_that_are_not_finite_are_counted_once_each(folder):
     image[3, 3], image[4, 4, 1], image[5, 5, 2] = math.nan, math.inf, -1e30
     folder.put("01.npy", image)
     message = refusal(folder.load)
-    assert "3 pixels hold NaN, infinity or larger ones. Set them to 0 in the file; in a photograph leave them out of the mask" in message
+    assert (
+        "3 pixels hold NaN, infinity or larger ones. Set them to 0 in the file; in a photograph leave them out of the mask"
+        in message
+    )
 
 
 def test_images_of_different_sizes_are_refused(folder):

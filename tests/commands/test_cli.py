@@ -160,6 +160,12 @@ def test_closed_streams_leave_the_exit_code(closed: str) -> None:
     assert subprocess.run(["bash", "-c", command], capture_output=True, check=False).returncode == 0
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no stream that takes nothing")
+def test_a_sentence_that_nobody_takes_leaves_the_exit_code() -> None:
+    command = f"{sys.executable} -m matest models nothing 2>/dev/full"
+    assert subprocess.run(["bash", "-c", command], check=False).returncode == 2
+
+
 def test_a_reader_that_goes_gets_one_sentence() -> None:
     command = f"{sys.executable} -m matest models | true; exit ${{PIPESTATUS[0]}}"
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
