@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import signal
-import subprocess
 import sys
 import time
 from pathlib import Path
 
 import pytest
+
+from tests.signalled import hearing
 
 # A call of a library that no signal interrupts, with a folder that is not whole.
 STUCK = """
@@ -27,7 +28,7 @@ with interruption.watched(), interruption.sentence(lambda: "3 of 4 are complete.
 @pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
 def test_a_process_that_does_not_hear_ends_and_takes_along_what_is_not_whole(tmp_path: Path, kind: int) -> None:
     command = [sys.executable, "-c", STUCK, str(tmp_path / "part")]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    with hearing(command) as process:
         assert process.stdout is not None
         process.stdout.readline()
         # Until the call has begun.

@@ -179,10 +179,22 @@ def test_who_works_beside_others_uses_its_share(monkeypatch: pytest.MonkeyPatch)
     assert processors() <= (os.cpu_count() or 1)
 
 
-def test_nothing_else_in_the_package_sizes_a_pool_of_its_own() -> None:
-    others = [
+def files_with(*words: str) -> list[str]:
+    """Files of the package in which one of the words stands."""
+    return sorted(
         str(file.relative_to(PACKAGE))
         for file in PACKAGE.rglob("*.py")
-        if any(word in file.read_text("utf-8") for word in ("PoolExecutor", "cpu_count", "multiprocessing"))
+        if any(word in file.read_text("utf-8") for word in words)
+    )
+
+
+def test_nothing_else_in_the_package_sizes_a_pool_of_its_own() -> None:
+    assert files_with("PoolExecutor", "cpu_count", "sched_getaffinity") == ["workers.py"]
+
+
+def test_processes_are_started_by_the_pool_of_captures_and_where_readers_are_tried() -> None:
+    assert files_with("import multiprocessing", "from multiprocessing") == [
+        "benchmark/instruments/endurance.py",
+        "pool.py",
+        "workers.py",
     ]
-    assert others == ["workers.py"]

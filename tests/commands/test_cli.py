@@ -13,6 +13,7 @@ import pytest
 
 from matest import commands
 from tests.commands.conftest import Run
+from tests.signalled import hearing
 
 # A whole command as its file holds it.
 GREETING = '''"""The command `matest greet`."""
@@ -177,12 +178,11 @@ def test_a_reader_that_goes_gets_one_sentence() -> None:
 def test_signals_to_end_are_obeyed_and_leave_nothing(capture: Path, kind: int) -> None:
     before = sorted(capture.rglob("*"))
     command = matest("estimate", str(capture), "--model", "oren-nayar+cook-torrance", "--refine", "all")
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        # Until it has begun to work.
-        while "torch" not in Path(f"/proc/{process.pid}/maps").read_text():
-            time.sleep(0.05)
-        # On a busy machine torch itself, which no signal should meet while it loads, takes seconds.
-        time.sleep(4)
+    with hearing(command) as process:
+        # Until it has begun to work: then it has the right to write its result.
+        while not [*capture.glob(".*lock*")]:
+            assert process.poll() is None
+            time.sleep(0.02)
         process.send_signal(kind)
         _, err = process.communicate(timeout=30)
     assert process.returncode == 1
