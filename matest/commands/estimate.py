@@ -132,14 +132,17 @@ def _print(outcomes: Sequence[Outcome], as_json: bool) -> None:
     """The results of a capture, one for each object."""
     from matest.report.tables import estimate_table
 
-    results = [(outcome.job, outcome.estimate) for outcome in outcomes if outcome.estimate is not None]
     if as_json and len(outcomes) > 1:
-        print_json({job.label: estimate.to_dict() for job, estimate in results})
+        contents = ((outcome.job.label, outcome.estimate, outcome.error) for outcome in outcomes)
+        print_json({label: estimate.to_dict() if estimate else {"error": error} for label, estimate, error in contents})
         return
     terminal = console()
-    for job, estimate in results:
+    for outcome in outcomes:
+        if outcome.estimate is None:
+            continue
         if as_json:
-            print_json(estimate.to_dict())
+            print_json(outcome.estimate.to_dict())
         else:
-            terminal.print(estimate_table(estimate))
-            terminal.print(f"Result in {job.out} (open {job.out / 'report.html'})", soft_wrap=True)
+            place = outcome.job.out
+            terminal.print(estimate_table(outcome.estimate))
+            terminal.print(f"Result in {place} (open {place / 'report.html'})", soft_wrap=True)

@@ -33,7 +33,6 @@ from tests.captures import changed
 from tests.environments import studio_map
 from tests.estimates import clay
 from tests.mapped import mapped, photographs
-from tests.scenes import material, write
 from tests.simulated import Studio, coloured
 from tests.tolerances import RELIT_GLOSSY, RELIT_MATTE
 
@@ -97,13 +96,13 @@ def in_a_room(folder: Path, materials: dict[str, Brdf]) -> Path:
     write_image(folder / "room.exr", studio_map(16).float().numpy())
     objects = [
         f'[[object]]\nname = "{name}"\nshape = "sphere"\nposition = [{2 * number}, 0, 0]\nradius = 0.5\n'
-        + material(brdf.expression, **{key: float(value) for key, value in brdf.parameters.items()}).replace(
+        + scenes.material(brdf.expression, **{key: float(value) for key, value in brdf.parameters.items()}).replace(
             "[material]", "[object.material]"
         )
         for number, (name, brdf) in enumerate(materials.items())
     ]
     camera = '[camera]\nheight = 4\nresolution = [150, 100]\n[[image]]\nlights = [ { environment = "room.exr" } ]'
-    return write(folder, *objects, camera)
+    return scenes.write(folder, *objects, camera)
 
 
 def subject(kind: str) -> tuple[Estimate, Capture, float]:
@@ -282,11 +281,8 @@ def test_tab_reaches_one_row_of_the_table(opened: Opened) -> None:
     buttons = opened.page.locator("tr[data-image] button")
     buttons.first.focus()
     buttons.first.press("ArrowDown")
-    assert opened.page.evaluate("[...document.querySelectorAll('tr[data-image] button')].map(one => one.tabIndex)") == [
-        -1,
-        0,
-        *[-1] * (len(opened.capture) - 2),
-    ]
+    places = opened.page.evaluate("[...document.querySelectorAll('tr[data-image] button')].map(one => one.tabIndex)")
+    assert places == [-1, 0, *[-1] * (len(opened.capture) - 2)]
 
 
 def test_sliders_say_their_value_in_words(opened: Opened) -> None:
