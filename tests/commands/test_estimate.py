@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import pytest
 
+from tests import scenes
 from tests.commands.conftest import Run
 
 ROOT = Path(__file__).parents[2]
@@ -41,6 +42,21 @@ def test_estimate_writes_a_complete_result_folder(run: Run, capture: Path) -> No
         assert (result / name).stat().st_size > 0
     skipped = content["skipped"]["samples"]
     assert sum(skipped.values()) + content["fit"]["samples"] == 3 * 64 * 64
+
+
+def test_each_of_several_objects_has_its_result_or_says_why_not(run: Run, tmp_path: Path) -> None:
+    ball = '[[object]]\nname = "{}"\nposition = {}\nshape = "sphere"\nradius = 0.4\nmaterial.model = "lambert"\n'
+    camera = "[camera]\nheight = 2\nresolution = [32, 32]\n"
+    objects = ball.format("here", [0, 0, 0]) + ball.format("far", [50, 0, 0])
+    scene = scenes.write(tmp_path / "scene", objects, camera, scenes.distant(scenes.LIGHTS[:2]))
+    assert run("render", scene, "-o", tmp_path / "cap")[0] == 0
+    code, out, err = run("estimate", tmp_path / "cap", "--model", "lambert", "--json")
+    here, far = json.loads(out).values()
+    assert here["model"] == "lambert"
+    assert (code, err) == (2, f"matest: {far['error']}\n")
+    assert "far" in far["error"]
+    assert (tmp_path / "cap" / "matest" / "here" / "result.json").is_file()
+    assert not (tmp_path / "cap" / "matest" / "far").exists()
 
 
 def test_pictures_are_drawn_as_asked(run: Run, capture: Path) -> None:
