@@ -27,7 +27,7 @@ _TAG = 8
 _COMPRESSED = 15
 # Types of numbers, 8 to 64 bits with and without sign, single and double precision: the bytes of each.
 _NUMBERS = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 9: 8, 12: 8, 13: 8}
-# Characters of a name, at most.
+# Characters of a name, at most, as MATLAB has them.
 _NAME = 63
 # Bytes of an array before its numbers, at most, without its name.
 _START = 128
@@ -40,6 +40,7 @@ def read_mat(path: Path) -> Raster:
         with path.open("rb") as file:
             if file.read(len(_VERSION_7_3)) == _VERSION_7_3:
                 raise InputError(f"{path}: MATLAB's version 7.3 is not read; save it with save(…, '-v7').")
+        numbers = _numbers(path.read_bytes())
         # Sizes are looked at before an array is unpacked.
         images = [variable for variable in scipy.io.whosmat(path) if _is_image(*variable[1:])]
         if len(images) != 1:
@@ -50,7 +51,11 @@ def read_mat(path: Path) -> Raster:
             )
         name, shape, kind = images[0]
         check_size(path, shape, _BYTES[kind])
-        _check_numbers(path.read_bytes(), name.encode("latin-1"), math.prod(shape))
+        if numbers:
+            # SciPy gives one without a name a name of its own; it is none of the user's.
+            if name.encode("latin-1") not in numbers:
+                raise ValueError("its array has no name")
+            _check(name, math.prod(shape), *numbers[name.encode("latin-1")])
         return Raster(scipy.io.loadmat(path, variable_names=[name])[name])
     except (InputError, MemoryError):
         raise
@@ -58,33 +63,42 @@ def read_mat(path: Path) -> Raster:
         raise unreadable(path, f"SciPy says: {error}") from None
 
 
-def _check_numbers(data: bytes, name: bytes, count: int) -> None:
-    """Refuse an array whose numbers SciPy would crash on, or ask for any amount of memory for.
+def _numbers(data: bytes) -> dict[bytes, tuple[int, int]]:
+    """Type and bytes of the numbers of each array by its name; none for versions before 5, which have no such types.
 
     Raises:
-        ValueError: their type is none that there is, or they are not as many as the array has.
+        ValueError: a name that is longer than names are: SciPy would ask for as much memory.
         struct.error, zlib.error: the file is damaged.
     """
+    numbers: dict[bytes, tuple[int, int]] = {}
     if not all(data[: len(_OLDEST)]):
-        return  # versions before 5 have no such types
+        return numbers
     order, place = "<" if data[_ORDER] == _LITTLE else ">", _FIRST
     while place < len(data):
         kind, length = struct.unpack_from(f"{order}II", data, place)
         array = data[place + _TAG : place + _TAG + length]
         if kind == _COMPRESSED:
-            array = zlib.decompressobj().decompress(array, _START + len(name))[_TAG:]
+            array = zlib.decompressobj().decompress(array, _START + _NAME)[_TAG:]
         place += _TAG + length
-        _, _, (_, _, own_name), (kind, length, _) = itertools.islice(_parts(array, order), 4)
-        if own_name == name:
-            break
-    else:
-        # So SciPy calls one without a name, which is none of the user's.
-        raise ValueError("its array has no name")
-    words = name.decode("latin-1")
+        parts = _parts(array, order)
+        _, _, (_, name_length, name) = itertools.islice(parts, 3)
+        if name_length > _NAME:
+            raise ValueError(f"an array has a name of {name_length} characters")
+        kind, length, _ = next(parts)
+        numbers[name] = kind, length
+    return numbers
+
+
+def _check(name: str, count: int, kind: int, length: int) -> None:
+    """Refuse an array whose numbers SciPy would crash on, or ask for any amount of memory for.
+
+    Raises:
+        ValueError: their type is none that there is, or they are not as many as the array has.
+    """
     if kind not in _NUMBERS:
-        raise ValueError(f"the numbers of {words} have the type {kind}, which there is not")
+        raise ValueError(f"the numbers of {name} have the type {kind}, which there is not")
     if length != count * _NUMBERS[kind]:
-        raise ValueError(f"{words} has {count} numbers in {length} bytes")
+        raise ValueError(f"{name} has {count} numbers in {length} bytes")
 
 
 def _parts(array: bytes, order: str) -> Iterator[tuple[int, int, bytes]]:

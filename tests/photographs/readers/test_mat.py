@@ -100,3 +100,9 @@ def test_names_that_are_no_words_are_listed_in_one_line(tmp_path: Path) -> None:
     message = refusal(lambda: read_mat(tmp_path / "a.mat"))
     assert message.isprintable()
     assert "second" in message
+
+
+def test_a_name_that_says_it_is_immense_is_refused(tmp_path: Path) -> None:
+    named = struct.pack("<II", 1, 7) + b"normals\0"
+    (tmp_path / "a.mat").write_bytes(uncompressed().replace(named, struct.pack("<II", 1, 0xFFFFFF7F) + b"normals\0"))
+    assert "a name of 4294967167 characters" in refusal(lambda: read_mat(tmp_path / "a.mat"))
