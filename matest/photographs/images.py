@@ -72,6 +72,13 @@ def read_image_file(path: Path, *, coloured: bool = True) -> ImageFile:
     pixels, coverage = image[..., :colours], image[..., colours] if image.shape[2] > colours else None
     # False for NaN too.
     usable = np.abs(image) < LARGEST if image.dtype.kind == "f" else np.array(True)
+    notes = raster.notes
+    if coloured and raster.to_rec709 is not None:
+        # As above; primaries next to one another make any number larger.
+        with np.errstate(over="ignore", invalid="ignore"):
+            pixels = (pixels @ raster.to_rec709.T).astype(np.float32)
+        usable = usable & (np.abs(pixels) < LARGEST).all(axis=2, keepdims=True)
+        notes = (*notes, "colours of the primaries that the file states are converted to those of Rec.709")
     if not usable.all():
         count = int((~usable).any(axis=2).sum())
         number, them = ("1 pixel holds", "it") if count == 1 else (f"{count:,} pixels hold", "them")
@@ -79,10 +86,6 @@ def read_image_file(path: Path, *, coloured: bool = True) -> ImageFile:
             f"{path}: expected numbers below {LARGEST:g}; {number} NaN, infinity or larger ones. Set {them} to 0 in "
             f"the file; in a photograph leave {them} out of the mask too."
         )
-    notes = raster.notes
-    if coloured and raster.to_rec709 is not None:
-        pixels = (pixels @ raster.to_rec709.T).astype(np.float32)
-        notes = (*notes, "colours of the primaries that the file states are converted to those of Rec.709")
     return ImageFile(pixels, coverage, notes, raster.exposure)
 
 

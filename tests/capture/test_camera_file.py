@@ -221,6 +221,16 @@ def test_what_names_no_camera_is_refused(ball: CaptureFolder, case: str) -> None
     assert words in refusal(ball.load)
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_camera_beyond_all_numbers_is_refused(ball: CaptureFolder) -> None:
+    far = Pose(TURNS, np.full(3, 1e200))
+    write_json(ball.path / "transforms.json", blender({f"./train/r_{k}": far for k in range(2)}))
+    ball.tables["camera"] = {"file": "transforms.json"}
+    message = refusal(lambda: matest.load_capture(ball.save()))
+    assert "transforms.json" in message or "capture.toml" in message
+    assert "position" in message or "target" in message
+
+
 def test_a_folder_of_cameras_without_lights_is_told_what_is_missing(tmp_path: Path) -> None:
     in_blender(tmp_path)
     message = refusal(lambda: matest.load_capture(tmp_path))

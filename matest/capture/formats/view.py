@@ -61,12 +61,14 @@ class View:
     def table(self) -> CameraTable:
         """The `[camera]` table that says the same."""
         # A target as far as the origin keeps the digits of the line of sight.
-        distance = max(1.0, float(np.linalg.norm(self.position)))
+        # What is beyond all numbers is refused by the ranges of a camera.
+        with np.errstate(over="ignore", invalid="ignore"):
+            target = self.position - max(1.0, float(np.linalg.norm(self.position))) * self.axes[2]
         (fx, fy), (cx, cy) = self.lens.focal, self.lens.centre
         return CameraTable(
             kind="perspective",
             position=_vector(self.position),
-            target=_vector(self.position - distance * self.axes[2]),
+            target=_vector(target),
             up=_vector(self.axes[1]),
             matrix=((fx, 0.0, cx), (0.0, fy, cy), (0.0, 0.0, 1.0)),
             distortion=list(self.lens.distortion),

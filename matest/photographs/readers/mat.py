@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import struct
 import zlib
 from collections.abc import Iterator, Sequence
@@ -24,8 +25,10 @@ _OLDEST = 4 * b"\0"
 _TAG = 8
 # Type of an array that is compressed.
 _COMPRESSED = 15
-# Types of numbers: 8 to 64 bits with and without sign, single and double precision.
-_NUMBERS = (1, 2, 3, 4, 5, 6, 7, 9, 12, 13)
+# Types of numbers, 8 to 64 bits with and without sign, single and double precision: the bytes of each.
+_NUMBERS = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 9: 8, 12: 8, 13: 8}
+# Characters of a name, at most, as MATLAB has them.
+_NAME = 63
 # Bytes of an array before its numbers, at most, without its name.
 _START = 128
 
@@ -37,16 +40,22 @@ def read_mat(path: Path) -> Raster:
         with path.open("rb") as file:
             if file.read(len(_VERSION_7_3)) == _VERSION_7_3:
                 raise InputError(f"{path}: MATLAB's version 7.3 is not read; save it with save(…, '-v7').")
+        numbers = _numbers(path.read_bytes())
         # Sizes are looked at before an array is unpacked.
         images = [variable for variable in scipy.io.whosmat(path) if _is_image(*variable[1:])]
         if len(images) != 1:
-            listed = ", ".join(name for name, _, _ in images) if images else "none"
+            # A damaged file may call them anything.
+            listed = ", ".join(ascii(name)[1:-1][:_NAME] for name, _, _ in images) if images else "none"
             raise InputError(
                 f"{path}: expected one array H×W or H×W×3; got {listed}. Save the one that is meant by itself."
             )
         name, shape, kind = images[0]
         check_size(path, shape, _BYTES[kind])
-        _check_numbers(path.read_bytes(), name.encode("latin-1"))
+        if numbers:
+            # SciPy gives one without a name a name of its own; it is none of the user's.
+            if name.encode("latin-1") not in numbers:
+                raise ValueError("its array has no name")
+            _check(name, math.prod(shape), *numbers[name.encode("latin-1")])
         return Raster(scipy.io.loadmat(path, variable_names=[name])[name])
     except (InputError, MemoryError):
         raise
@@ -54,38 +63,56 @@ def read_mat(path: Path) -> Raster:
         raise unreadable(path, f"SciPy says: {error}") from None
 
 
-def _check_numbers(data: bytes, name: bytes) -> None:
-    """Refuse an array whose numbers have a type that there is not: SciPy would crash.
+def _numbers(data: bytes) -> dict[bytes, tuple[int, int]]:
+    """Type and bytes of the numbers of each array by its name; none for versions before 5, which have no such types.
 
     Raises:
-        ValueError: there is such a type.
+        ValueError: a name that is longer than names are: SciPy would ask for as much memory.
         struct.error, zlib.error: the file is damaged.
     """
+    numbers: dict[bytes, tuple[int, int]] = {}
     if not all(data[: len(_OLDEST)]):
-        return  # versions before 5 have no such types
+        return numbers
     order, place = "<" if data[_ORDER] == _LITTLE else ">", _FIRST
     while place < len(data):
         kind, length = struct.unpack_from(f"{order}II", data, place)
         array = data[place + _TAG : place + _TAG + length]
         if kind == _COMPRESSED:
-            array = zlib.decompressobj().decompress(array, _START + len(name))[_TAG:]
+            array = zlib.decompressobj().decompress(array, _START + _NAME)[_TAG:]
         place += _TAG + length
-        _, _, (_, own_name), (kind, _) = itertools.islice(_parts(array, order), 4)
-        if own_name == name and kind not in _NUMBERS:
-            raise ValueError(f"the numbers of {name.decode('latin-1')} have the type {kind}, which there is not")
+        parts = _parts(array, order)
+        _, _, (_, name_length, name) = itertools.islice(parts, 3)
+        if name_length > _NAME:
+            raise ValueError(f"an array has a name of {name_length} characters")
+        kind, length, _ = next(parts)
+        numbers[name] = kind, length
+    return numbers
 
 
-def _parts(array: bytes, order: str) -> Iterator[tuple[int, bytes]]:
-    """Type and content of the parts of an array: flags, sizes, name, numbers."""
+def _check(name: str, count: int, kind: int, length: int) -> None:
+    """Refuse an array whose numbers SciPy would crash on, or ask for any amount of memory for.
+
+    Raises:
+        ValueError: their type is none that there is, or they are not as many as the array has.
+    """
+    if kind not in _NUMBERS:
+        raise ValueError(f"the numbers of {name} have the type {kind}, which there is not")
+    if length != count * _NUMBERS[kind]:
+        raise ValueError(f"{name} has {count} numbers in {length} bytes")
+
+
+def _parts(array: bytes, order: str) -> Iterator[tuple[int, int, bytes]]:
+    """Type, length and content of the parts of an array: flags, sizes, name, numbers."""
     place = 0
     while True:
         kind, length = struct.unpack_from(f"{order}II", array, place)
         if kind >> 16:
             # A short one has its length beside its type.
-            yield kind & 0xFFFF, array[place + 4 : place + 4 + (kind >> 16)]
+            kind, length = kind & 0xFFFF, kind >> 16
+            yield kind, length, array[place + 4 : place + 4 + length]
             place += _TAG
         else:
-            yield kind, array[place + _TAG : place + _TAG + length]
+            yield kind, length, array[place + _TAG : place + _TAG + length]
             place += _TAG + length + -length % _TAG
 
 

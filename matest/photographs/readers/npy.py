@@ -46,7 +46,7 @@ def read_npy(path: Path) -> Raster:
             return Raster(values.reshape(shape, order="F" if fortran else "C"))
     except InputError:
         raise
-    except (ValueError, OSError, EOFError, TokenError, RecursionError) as error:
+    except (ValueError, OSError, EOFError, SyntaxError, TokenError, RecursionError) as error:
         raise unreadable(path, f"NumPy says: {error}") from None
 
 

@@ -85,6 +85,8 @@ class _Complaints(logging.Handler):
 
 def _check(path: Path, page: TiffPage, file_bytes: int) -> None:
     """Refuse what would be read inexactly, and files of which a part is missing."""
+    if not all(isinstance(size, int) for size in (page.imagelength, page.imagewidth)):
+        raise unreadable(path, "its header states several widths or heights")
     if page.photometric not in _COLOUR_CHANNELS:
         raise InputError(f"{path}: expected grey or RGB; the TIFF stores {_name(page.photometric)}. Convert it to RGB.")
     if page.samplesperpixel < _COLOUR_CHANNELS[page.photometric]:

@@ -81,3 +81,18 @@ def test_primaries_without_colours_are_refused(tmp_path: Path, primaries: tuple[
     message = refusal(lambda: read_image(path))
     assert message.startswith(f"{path}: ")
     assert "span no colours" in message
+
+
+@pytest.mark.parametrize(
+    "primaries",
+    [
+        # Two primaries next to one another.
+        (*REC_2020[:4], 0.17, 0.797 - 1e-6, *REC_2020[6:]),
+        # Of a damaged file: single precision does not hold what comes of it.
+        (1.1e-40, 0.0, 9.2e-41, 9.2e-41, 2.4e21, 4.6e27, 4.3e21, 6.9e22),
+    ],
+)
+@pytest.mark.filterwarnings("error")
+def test_colours_that_the_conversion_makes_immense_are_refused(tmp_path: Path, primaries: tuple[float, ...]) -> None:
+    file = written(tmp_path / "a.exr", 1e14 * colours(), primaries)
+    assert "larger ones" in refusal(lambda: read_image(file))

@@ -65,3 +65,44 @@ def test_numbers_of_a_type_that_there_is_not_are_refused(tmp_path: Path, packed:
         whole = whole[:128] + arrays
     (tmp_path / "a.mat").write_bytes(whole)
     assert "the type 0, which there is not" in refusal(lambda: read_mat(tmp_path / "a.mat"))
+
+
+def uncompressed() -> bytes:
+    content = io.BytesIO()
+    scipy.io.savemat(content, {"normals": np.full((5, 4, 3), 0.25)})
+    return content.getvalue()
+
+
+@pytest.mark.parametrize("length", [5 * 4 * 3 * 8 - 8, 5 * 4 * 3 * 8 + 8, 0xFFFFFF00])
+def test_an_array_of_more_or_fewer_numbers_than_it_has_is_refused(tmp_path: Path, length: int) -> None:
+    # SciPy asks for as much memory as the file says.
+    tag = struct.pack("<II", 9, 5 * 4 * 3 * 8)
+    (tmp_path / "a.mat").write_bytes(uncompressed().replace(tag, struct.pack("<II", 9, length)))
+    assert f"normals has 60 numbers in {length} bytes" in refusal(lambda: read_mat(tmp_path / "a.mat"))
+
+
+def test_an_array_without_a_name_is_refused(tmp_path: Path) -> None:
+    # SciPy takes it for something else, and crashes.
+    named, unnamed = struct.pack("<II", 1, 7) + b"normals\0", struct.pack("<II", 1, 0)
+    whole = uncompressed()
+    assert whole.count(named) == 1
+    whole = whole.replace(named, unnamed).replace(
+        struct.pack("<I", len(whole) - 136), struct.pack("<I", len(whole) - 144)
+    )
+    (tmp_path / "a.mat").write_bytes(whole)
+    assert "no name" in refusal(lambda: read_mat(tmp_path / "a.mat"))
+
+
+def test_names_that_are_no_words_are_listed_in_one_line(tmp_path: Path) -> None:
+    content = io.BytesIO()
+    scipy.io.savemat(content, {"first": np.ones((3, 3)), "second": np.ones((3, 3))})
+    (tmp_path / "a.mat").write_bytes(content.getvalue().replace(b"first", b"a\n\x1b\x00b"))
+    message = refusal(lambda: read_mat(tmp_path / "a.mat"))
+    assert message.isprintable()
+    assert "second" in message
+
+
+def test_a_name_that_says_it_is_immense_is_refused(tmp_path: Path) -> None:
+    named = struct.pack("<II", 1, 7) + b"normals\0"
+    (tmp_path / "a.mat").write_bytes(uncompressed().replace(named, struct.pack("<II", 1, 0xFFFFFF7F) + b"normals\0"))
+    assert "a name of 4294967167 characters" in refusal(lambda: read_mat(tmp_path / "a.mat"))

@@ -70,6 +70,7 @@ FILES = {
     "short.npy": of_shape((64, 64, 3)),
     "object.npy": of_shape((1,), "'|O'"),
     "nested.npy": npy("(" * 5000),
+    "no Python.npy": of_shape((8, 8), "','"),
     "signs.npy": npy("{'descr': '<f4', 'fortran_order': False, 'shape': " + "-" * 9000 + "1}"),
     "version.npy": b"\x93NUMPY\x03\x00" + struct.pack("<I", 2**31) + b" " * 1000,
     "empty.npy": b"",

@@ -252,3 +252,14 @@ def test_what_tifffile_complains_of_is_said_and_not_printed(tmp_path, capfd):
     np.testing.assert_array_equal(file.pixels[..., 0], content(np.uint8))
     assert "may be damaged (tifffile says: " in file.notes[0]
     assert capfd.readouterr().err == ""
+
+
+def test_several_widths_are_refused_before_memory_is_asked_for(tmp_path):
+    path = write(tmp_path / "a.tif", content(np.uint8))
+    data = path.read_bytes()
+    # The width: its tag, its type, and how many numbers it has.
+    place = data.index(struct.pack("<H", 256), 8)
+    kind, one = struct.unpack_from("<HI", data, place + 2)
+    assert one == 1
+    path.write_bytes(data[: place + 2] + struct.pack("<HII", kind, 20, 8) + data[place + 12 :])
+    assert "several widths" in refusal(lambda: read_tiff(path))
