@@ -16,7 +16,7 @@ from matest.estimators.moments import Moments, empty_moments, moments, sum_momen
 from matest.estimators.statistics import Statistics
 from matest.estimators.tile_sums import Expanded, over_tiles
 from matest.estimators.unknowns import Problem
-from matest.samples import Batch, Tile, Tiles
+from matest.samples import Tile, Tiles
 from matest.samples.likelihood import LeastSquares
 from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
 
@@ -152,10 +152,3 @@ def _sum_columns(
 
     total = sum_moments([empty_moments(*basis.coefficients.shape), *over_tiles(tiles, sums, residual_scale)])
     return ColumnStatistics(basis.coefficients, basis.multiplier, total)
-
-
-def predict_radiance(problem: Problem, unknowns: Tensor, batch: Batch) -> Tensor:
-    """The model's radiance [n, C] of a batch at u [P]."""
-    model = radiance_model(problem, unknowns)
-    with torch.no_grad():
-        return model(Tile(batch))

@@ -11,7 +11,7 @@ from matest.samples.calibration import Calibration
 from matest.samples.reading import Reading
 from matest.samples.redundancy import Redundancy
 from matest.samples.source import Samples
-from matest.samples.texels import TexelTile, TexelTiles
+from matest.samples.texels import TexelTile, TexelTileGroups
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class CalibratedSamples(AccountedSamples, Protocol):
     @property
     def directions(self) -> int: ...
 
-    def texel_tiles(self) -> TexelTiles:
+    def texel_tiles(self) -> TexelTileGroups:
         """All samples, texel by texel."""
 
     def some_texels(self, count: int, seed: int) -> TexelTile:

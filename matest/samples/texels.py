@@ -150,4 +150,4 @@ class TexelTile:
 
 
 # Tiles of one group are computed at the same time, groups one after the other.
-TexelTiles = Iterable[Sequence[Callable[[], TexelTile]]]
+TexelTileGroups = Iterable[Sequence[Callable[[], TexelTile]]]

@@ -13,7 +13,7 @@ from matest.estimation.specification import specify_unknowns
 from matest.estimators import Problem
 from matest.estimators.leave_out import LeftOut, leave_out
 from matest.estimators.levenberg_marquardt import minimise
-from matest.estimators.passes import passes_over, predict_radiance
+from matest.estimators.passes import passes_over, radiance_model
 from matest.samples import Batch, Tile
 from matest.samples.batch import join
 from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
@@ -34,7 +34,7 @@ def fitted(
     problem = specify_unknowns(expression, Options(), channels=1, relative=False).problem
     tile = Tile(join(parts), cache={})
     truth = problem.unknowns_at(TRUTH[expression].parameters)
-    reference = predict_radiance(problem, truth, tile.batch)
+    reference = radiance_model(problem, truth)(tile)
     tile = replace(tile, least_squares=tile.about(reference, residual_scale))
     return problem, tile, leave_out(problem, tile, 1.05 * truth, residual_scale, len(parts))
 
@@ -54,7 +54,7 @@ def test_leaving_out_by_subtraction_is_leaving_out_by_a_fit(expression: str) -> 
         remaining = replace(tile, least_squares=squares, cache=None)
         evaluate = passes_over(problem, in_memory([remaining]), left_out.unknowns, None, NOISE_ALONE)
         unknowns = minimise(problem, left_out.unknowns, evaluate, passes=30, tolerance=1e-3).unknowns
-        residual = tile.least_squares.response[rows] - predict_radiance(problem, unknowns, part)
+        residual = tile.least_squares.response[rows] - radiance_model(problem, unknowns)(Tile(part)).detach()
         expected = float((tile.least_squares.weight[rows] * residual.square()).sum())
         assert float(left_out.costs[k]) == pytest.approx(expected, rel=2e-3)
 
@@ -72,7 +72,7 @@ def test_the_relative_error_is_that_of_each_part_without_it() -> None:
     problem, tile, left_out = fitted("oren-nayar", parts)
     residual, signal = 0.0, 0.0
     for k, part in enumerate(parts):
-        radiance = predict_radiance(problem, left_out.unknowns + left_out.moves[k], part)
+        radiance = radiance_model(problem, left_out.unknowns + left_out.moves[k])(Tile(part)).detach()
         residual += float((part.radiance - radiance).double().square().sum())
         signal += float(part.radiance.double().square().sum())
     assert left_out.relative_rmse(tile.batch) == pytest.approx((residual / signal) ** 0.5, rel=1e-4)

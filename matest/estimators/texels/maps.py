@@ -35,7 +35,7 @@ from matest.estimators.texels.unknowns import TexelUnknowns
 from matest.estimators.unknowns import Problem
 from matest.progress import Progress, silent
 from matest.samples.residual_scale import ResidualScale
-from matest.samples.texels import TexelTile, TexelTiles
+from matest.samples.texels import TexelTile, TexelTileGroups
 from matest.workers import in_groups, single_threaded_torch
 
 # Share of the degrees of freedom that texels must leave for residuals to tell how well the model fits.
@@ -145,7 +145,7 @@ def fit_maps(
     unknowns: Tensor,
     mapped: Sequence[str],
     few: TexelTile,
-    tiles: TexelTiles,
+    tiles: TexelTileGroups,
     count: int,
     *,
     regions: int | None = None,
@@ -202,7 +202,7 @@ class _TileSums(NamedTuple):
     degrees: float
 
 
-def _over_all(fitter: TexelFitter, known: Knowledge, tiles: TexelTiles, out: _Maps) -> _TileSums:
+def _over_all(fitter: TexelFitter, known: Knowledge, tiles: TexelTileGroups, out: _Maps) -> _TileSums:
     """Fit all texels; what belongs to them goes to `out`, what is in common is summed."""
 
     def work(get: Callable[[], TexelTile]) -> list[_TileSums]:
