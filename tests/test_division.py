@@ -25,6 +25,7 @@ from matest import batch, cluster, division
 from matest.batch import Job, Options
 from matest.benchmark.instruments import faults
 from matest.benchmark.instruments.laboratory import children, until
+from matest.brdf import OrenNayar
 from matest.capture import Capture, load_capture
 from matest.errors import InputError, WorkError
 from matest.photographs.file_images import FileImages
@@ -178,6 +179,13 @@ def test_photographs_that_no_file_holds_are_not_divided(ball: Path, divided: Any
     client = Client()
     with divided(client):
         answer(in_memory, model="lambert")
+    assert not client.submitted
+
+
+def test_a_single_photograph_is_not_divided(ball: Path, divided: Any) -> None:
+    client = Client()
+    with divided(client):
+        matest.predict(OrenNayar(albedo=0.5, sigma=0.3), load_capture(ball))
     assert not client.submitted
 
 

@@ -250,7 +250,8 @@ class LitPixels:
     @property
     def divisible(self) -> bool:
         """See `matest.division.Source`, as the following."""
-        return isinstance(self.photographs.stored, FileImages)
+        # To send the geometry for a single photograph takes longer than it saves.
+        return len(self.images) > 1 and isinstance(self.photographs.stored, FileImages)
 
     def parts(self) -> dict[Any, object]:
         photographs = self.photographs
