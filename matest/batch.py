@@ -14,7 +14,8 @@ import matest
 from matest.capture import load_capture
 from matest.capture.capture import present_digests
 from matest.capture.description import object_names
-from matest.cluster import in_cluster
+from matest.cluster import SchedulerLostError, in_cluster
+from matest.division import divided
 from matest.errors import BAD_INPUT, NO_MEMORY, WORK_FAILED, InputError, WorkError, out_of_memory, own_fault
 from matest.estimation.estimate import estimate_with
 from matest.estimation.options import Options
@@ -177,6 +178,8 @@ def run(job: Job, progress: Progress = silent) -> Outcome:
             return Outcome(job, estimate)
     except InputError as error:
         return Outcome(job, error=str(error))
+    except SchedulerLostError:
+        raise
     except WorkError as error:
         return Outcome(job, error=str(error), failed=True)
     except OSError as error:
@@ -231,7 +234,15 @@ def run_all(
 
 
 def _elsewhere(jobs: Iterable[Job], scheduler: str) -> Iterator[tuple[Job, Row | Lost]]:
-    """Jobs done by workers of a cluster, in whose working folders paths lead to the same files."""
+    """Jobs done by workers of a cluster, in whose working folders paths lead to the same files.
+
+    Of a single one they do the passes over its samples, and this process the rest.
+    """
+    jobs = [*jobs]
+    if len(jobs) == 1:
+        with divided(scheduler):
+            yield jobs[0], summarised(jobs[0])
+        return
     known_by = {job.out.absolute(): job for job in jobs}
     for job, row in in_cluster(summarised, [_everywhere(job) for job in jobs], scheduler):
         yield known_by[job.out], row

@@ -22,6 +22,14 @@ _ANSWER = 10
 _GRACE = 0.5
 
 
+class SchedulerLostError(WorkError):
+    """The scheduler does not answer any more: nothing can be asked of its workers."""
+
+
+def scheduler_lost(address: str) -> SchedulerLostError:
+    return SchedulerLostError(f"--scheduler {address}: the scheduler was lost.")
+
+
 def in_cluster(
     function: Callable[[Item], Result], items: Iterable[Item], address: str
 ) -> Iterator[tuple[Item, Result | Lost]]:
@@ -38,26 +46,54 @@ def in_cluster(
         InputError: Dask is not installed, or no scheduler answers there.
         WorkError: the scheduler is lost.
     """
-    with _client(address) as client:
-        from dask.distributed import as_completed
-
+    with client_of(address) as client:
         task = _Alone(function)
         items_of = {client.submit(task, item, pure=False): item for item in items}
-        for future in as_completed([*items_of], loop=client.loop, raise_errors=False):
+        for future in _completed(client, items_of):
             # What is no longer named here is forgotten by the scheduler too.
             yield items_of.pop(future), _result(future, address)
+
+
+def ends(client: Any, futures: Iterable[Any], address: str) -> Iterator[tuple[Any, Any]]:
+    """Futures of a client with the results of their tasks, as they are done.
+
+    It is `Lost` where every worker that had the task died, and None where what the task needs went with a worker.
+
+    Raises:
+        SchedulerLostError: the scheduler is lost.
+        WorkError: workers cannot do it.
+    """
+    for future in _completed(client, futures):
+        went = future.status not in ("finished", "error") and is_reachable(client)
+        yield future, None if went else _result(future, address)
+
+
+def is_reachable(client: Any) -> bool:
+    """Whether the scheduler of a client answers."""
+    try:
+        client.sync(client.scheduler.identity, callback_timeout=_ANSWER)
+    except (OSError, TimeoutError, RuntimeError):
+        return False
+    return True
+
+
+def _completed(client: Any, futures: Iterable[Any]) -> Iterator[Any]:
+    from dask.distributed import as_completed
+
+    return iter(as_completed([*futures], loop=client.loop, raise_errors=False))
 
 
 def _result(future: Any, address: str) -> Any:
     """The result of a task, or that it is lost.
 
     Raises:
-        WorkError: the scheduler is lost, or the function cannot be called on its workers.
+        SchedulerLostError: the scheduler is lost.
+        WorkError: the function cannot be called on its workers.
     """
     if future.status == "finished":
         return future.result()
     if future.status != "error":
-        raise WorkError(f"--scheduler {address}: the scheduler was lost.")
+        raise scheduler_lost(address)
     error = future.exception()
     if type(error).__name__ == "KilledWorker":
         return Lost("the worker that had it was lost")
@@ -76,7 +112,7 @@ class _Alone:
 
 
 @contextlib.contextmanager
-def _client(address: str) -> Iterator[Any]:
+def client_of(address: str) -> Iterator[Any]:
     """A client of a scheduler; where it is local, its workers end with it.
 
     Raises:

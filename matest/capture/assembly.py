@@ -105,7 +105,7 @@ class Setup:
         """
         return Photographs(
             scene=self.scene,
-            stored=tuple(stored),
+            stored=stored,
             encoding=sensor.encoding,
             exposures=self.exposures,
             noise=sensor.noise,

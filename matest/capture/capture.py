@@ -21,6 +21,7 @@ from matest.capture.digests import digest, digested
 from matest.capture.open_conventions import settled
 from matest.capture.understanding import understood
 from matest.errors import InputError
+from matest.photographs.file_images import FileImages
 from matest.photographs.images import ImageFile, read_image, read_image_file
 from matest.photographs.photographs import Photographs
 from matest.photographs.samples import PhotographSamples
@@ -185,7 +186,8 @@ def load_capture(
         setup = _setup(description, paths, first, transfer)
     with _time(timing, "read"):
         files_read = _decode(paths, first, setup.scene.surface.pixels, sums, progress)
-    stored = tuple(file.pixels for file in files_read)
+    arrays = [file.pixels for file in files_read]
+    stored = FileImages([(path, sums[path]) for path in paths], _unchanged, setup.scene.surface.pixels, arrays)
     setup = setup.with_exposures([file.exposure for file in files_read])
     with _time(timing, "noise"):
         sensor = sensor_of(
@@ -293,6 +295,20 @@ def _decode(
         files.append(loaded)
         progress("reading images", count, len(paths))
     return files
+
+
+def _unchanged(path: Path, digest_before: str) -> np.ndarray:
+    """The pixels of an image file that was read before.
+
+    Raises:
+        InputError: the file is not what it was, or cannot be read now.
+    """
+    sums: dict[Path, str] = {}
+    with digested([path], sums):
+        pixels = read_image(path)
+    if sums[path] != digest_before:
+        raise InputError(f"{path}: expected the image that was read before; the file has changed. Run again.")
+    return pixels
 
 
 def _odd_image(paths: list[Path]) -> InputError:

@@ -73,7 +73,8 @@ def estimate(
         str | None,
         typer.Option(
             metavar="ADDRESS|local",
-            help="Let the workers of a Dask scheduler do the captures, as tcp://host:8786; local: of this machine.",
+            help="Let the workers of a Dask scheduler do the captures, as tcp://host:8786; local: of this machine. A "
+            "single capture is split over them.",
             show_default=False,
         ),
     ] = None,

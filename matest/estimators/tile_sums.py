@@ -8,10 +8,10 @@ from typing import Generic, NamedTuple, TypeVar
 import torch
 from torch import Tensor
 
+from matest.division import over_groups
 from matest.samples import Tile, Tiles
 from matest.samples.likelihood import LeastSquares
 from matest.samples.residual_scale import ResidualScale
-from matest.workers import in_groups
 
 Sums = TypeVar("Sums")
 
@@ -60,4 +60,4 @@ def each_tile(tiles: Tiles, expand: Callable[[Tile], Expanded[Sums]], residual_s
                 problem = tile.first_guess() if reference is None else tile.about(reference, residual_scale)
             return [*parts, sums(tile, problem)]
 
-    return in_groups(sum_tile, tiles)
+    return over_groups(sum_tile, tiles)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +11,7 @@ import torch
 from matest.errors import InputError
 from matest.photographs import storage
 from matest.photographs.codes import Clipping
+from matest.photographs.file_images import FileImages
 from matest.photographs.noise import Noise
 from matest.photographs.photometry import Encoding
 from matest.photographs.redundant import redundancy, without_copies
@@ -36,7 +37,7 @@ class Photographs:
     """
 
     scene: Scene
-    stored: tuple[np.ndarray, ...]
+    stored: Sequence[np.ndarray]
     encoding: Encoding
     exposures: tuple[float, ...]
     noise: Noise
@@ -55,10 +56,13 @@ class Photographs:
 
     def take(self, selection: np.ndarray) -> Photographs:
         """The same photographs of some of the object's pixels (boolean [N]), in the shadows of all of them."""
+        stored = self.stored
         return replace(
             self,
             scene=self.scene.take(selection),
-            stored=tuple(pixels[selection] for pixels in self.stored),
+            stored=stored.take(selection)
+            if isinstance(stored, FileImages)
+            else tuple(pixels[selection] for pixels in stored),
             encoding=self.encoding.take(selection),
         )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 
 import numpy as np
 import torch
@@ -23,7 +23,6 @@ from matest.photographs.smooth_squares import (
     SMALL_SHARE,
     SMALL_TO_LARGE,
     SmoothSquares,
-    find_squares,
     no_squares,
     rows_of_large,
 )
@@ -32,8 +31,6 @@ from matest.samples.likelihood import TRUSTED, Means, MeasurementNoise, Readout
 from matest.samples.merging import MergedSquares, Tier
 from matest.samples.residual_scale import NOISE_ALONE, ResidualScale
 
-# Fewest pixels of a surface that is merged: the search for squares on a smaller one takes longer than it saves.
-_MIN_PIXELS = 1 << 15
 # Small squares that are projected at once: their RGB values take 10 MB.
 _SQUARES_AT_ONCE = 1 << 14
 # Samples of a tile, about: so many that its overhead does not count, so few that all workers have tiles.
@@ -148,13 +145,10 @@ class PixelMerger:
         self._residual_scale = residual_scale
         self._merge = merge
 
-    @cached_property
+    @property
     def squares(self) -> SmoothSquares:
-        """The smooth squares of the surface."""
-        scene = self.pixels.photographs.scene
-        if not self._merge or len(scene.surface) < _MIN_PIXELS:
-            return no_squares(len(scene.surface))
-        return find_squares(scene, self.pixels.blocks)
+        """The smooth squares of the surface whose pixels may be merged."""
+        return self.pixels.squares if self._merge else no_squares(len(self.pixels.photographs.scene.surface))
 
     def parts(self, position: int) -> int:
         """Number of tiles of the image at `position`."""

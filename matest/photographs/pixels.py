@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -13,8 +13,10 @@ import torch
 from torch import Tensor
 
 from matest.directions import dot
+from matest.photographs.file_images import FileImages
 from matest.photographs.noise import rounding
 from matest.photographs.photometry import as_tensor
+from matest.photographs.smooth_squares import SmoothSquares, find_squares, no_squares
 from matest.samples.batch import Batch
 from matest.samples.likelihood import Limits, MeasurementNoise, Readout
 from matest.samples.redundancy import Redundancy
@@ -31,6 +33,8 @@ _LIT_DEVIATIONS = 3.0
 _MIDTONE_ROUNDING = 0.25
 # Directions of light of a pixel up to which it counts as one of a tile: tiles of more directions have fewer pixels.
 _FEW_NODES = 16
+# Fewest pixels of a surface with smooth squares: the search for them on a smaller one takes longer than they save.
+_FEWEST_OF_SQUARES = 1 << 15
 # Blocks of pixels along each side of the object. Errors may be correlated within a block; the 16 blocks suffice for a
 # jackknife.
 _BLOCKS_ACROSS = 4
@@ -242,6 +246,35 @@ class LitPixels:
             np.full((1, 1), power),
         )
         return Readout(*(as_tensor(value, self.dtype, self.device) for value in values))
+
+    @property
+    def divisible(self) -> bool:
+        """See `matest.division.Source`, as the following."""
+        # To send the geometry for a single photograph takes longer than it saves.
+        return len(self.images) > 1 and isinstance(self.photographs.stored, FileImages)
+
+    def parts(self) -> dict[Any, object]:
+        photographs = self.photographs
+        return {
+            "pixels": self,
+            "photographs": photographs,
+            "scene": photographs.scene,
+            "surface": photographs.scene.surface,
+        }
+
+    def part(self, name: Any) -> object:
+        return self.parts()[name]
+
+    def release(self) -> None:
+        if isinstance(self.photographs.stored, FileImages):
+            self.photographs.stored.release()
+
+    @cached_property
+    def squares(self) -> SmoothSquares:
+        """The smooth squares of the surface."""
+        scene = self.photographs.scene
+        few = len(scene.surface) < _FEWEST_OF_SQUARES
+        return no_squares(len(scene.surface)) if few else find_squares(scene, self.blocks)
 
     @cached_property
     def blocks(self) -> np.ndarray:

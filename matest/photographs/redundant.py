@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from matest.photographs.file_images import FileImages
 from matest.samples.redundancy import Redundancy
 
 if TYPE_CHECKING:
@@ -24,13 +25,13 @@ def without_copies(photographs: Photographs) -> Photographs:
 
     Copies have the same noise. Counted as independent values, they would make error bars too small.
     """
-    scene, encoding = photographs.scene, photographs.encoding
+    scene, encoding, stored = photographs.scene, photographs.encoding, photographs.stored
     colours = [scene.ambient, *(light.power for lights in scene.lights for light in lights)]
     colours += [] if scene.wavelength is None else [scene.wavelength]
     if photographs.channels == 1 or not all(bool((colour == colour[..., :1]).all()) for colour in colours):
         return photographs
     calibration = [part for part in (encoding.black, encoding.flat) if isinstance(part, np.ndarray)]
-    for part in (*photographs.stored, *calibration):
+    for part in (*stored, *calibration):
         if not all(_equal(part[:, 0], part[:, channel]) for channel in range(1, part.shape[1])):
             return photographs
     wavelength = None if scene.wavelength is None else scene.wavelength[:1]
@@ -40,7 +41,9 @@ def without_copies(photographs: Photographs) -> Photographs:
     saturation = encoding.saturation[0] if isinstance(encoding.saturation, tuple) else encoding.saturation
     return replace(
         photographs,
-        stored=tuple(np.ascontiguousarray(pixels[:, :1]) for pixels in photographs.stored),
+        stored=stored.first_channel()
+        if isinstance(stored, FileImages)
+        else tuple(np.ascontiguousarray(pixels[:, :1]) for pixels in stored),
         scene=replace(scene, lights=lights, ambient=scene.ambient[:, :1], wavelength=wavelength),
         encoding=replace(encoding, black=black, flat=flat, saturation=saturation),
     )

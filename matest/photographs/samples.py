@@ -6,6 +6,7 @@ from collections.abc import Hashable, Iterator, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import torch
@@ -84,7 +85,24 @@ class PhotographSamples(LitPixels):
 
     def calibration(self, names: Sequence[str]) -> PhotographCalibration:
         """The errors of the calibration of these kinds (`NUISANCES`), and what they do to the samples."""
-        return PhotographCalibration(self, self.groups, names)
+        key = tuple(names)
+        if key not in self._calibrations:
+            self._calibrations[key] = PhotographCalibration(self, self.groups, key)
+        return self._calibrations[key]
+
+    @cached_property
+    def _calibrations(self) -> dict[tuple[str, ...], PhotographCalibration]:
+        """Those that were asked for, which remember what they have worked out."""
+        return {}
+
+    def parts(self) -> dict[Any, object]:
+        return super().parts() | self._calibrations
+
+    def part(self, name: Any) -> object:
+        return self.calibration(name) if isinstance(name, tuple) else super().part(name)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: part for name, part in self.__dict__.items() if name != "_calibrations"}
 
     @property
     def texels(self) -> int:

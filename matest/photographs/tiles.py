@@ -32,6 +32,11 @@ class ImageTiles:
     residual_scale: ResidualScale = NOISE_ALONE
     merge: bool = True
 
+    @property
+    def source(self) -> LitPixels:
+        """See `matest.division.Divisible`."""
+        return self.pixels
+
     @cached_property
     def merger(self) -> PixelMerger:
         return PixelMerger(self.pixels, self.residual_scale, merge=self.merge)

@@ -240,6 +240,10 @@ class Mesh:
     def _scale(self) -> float:
         return _EMBREE_EXTENT / self.extent
 
+    def __getstate__(self) -> dict[str, Any]:
+        # What traces rays is made again where it is needed.
+        return {name: part for name, part in self.__dict__.items() if name != "_embree"}
+
     @cached_property
     def _embree(self):  # type: ignore[no-untyped-def]
         from embreex.mesh_construction import TriangleMesh
