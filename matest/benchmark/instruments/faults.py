@@ -69,13 +69,13 @@ def process_killed(lab: Laboratory) -> Iterator[str]:
     yield from lab.lost()
 
 
-def interrupted(kind: int) -> Callable[[Laboratory], Iterator[str]]:
+def interrupted(kind: int, *options: str) -> Callable[[Laboratory], Iterator[str]]:
     """A signal that asks to end: at once, with the number of complete results."""
 
     def cause(lab: Laboratory) -> Iterator[str]:
         processes = lab.moments.choice([1, 2])
         lab.restart()
-        process = lab.started("--jobs", processes)
+        process = lab.started(*(options or ("--jobs", processes)))
         lab.wait_in_work(processes)
         begin = time.monotonic()
         process.send_signal(kind)
@@ -235,6 +235,8 @@ FAULTS: dict[str, tuple[Callable[[Laboratory], Iterator[str]], int]] = {
     "kill -9 of one of two processes": (process_killed, 6),
     "SIGINT": (interrupted(signal.SIGINT), 8),
     "SIGTERM": (interrupted(signal.SIGTERM), 8),
+    "SIGINT with --scheduler local": (interrupted(signal.SIGINT, "--scheduler", "local"), 4),
+    "SIGTERM with --scheduler local": (interrupted(signal.SIGTERM, "--scheduler", "local"), 4),
     "a disk that is full (tmpfs)": (disk_full, 8),
     "files that may not grow (RLIMIT_FSIZE)": (files_limited, 5),
     "too little memory (RLIMIT_AS)": (memory_scant, 8),

@@ -7,6 +7,7 @@ import random
 import re
 import resource
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -61,16 +62,16 @@ class Laboratory:
         ]  # fmt: skip
 
     def started(self, *options: object, limits: dict[int, int] | None = None) -> subprocess.Popen[str]:
-        """A command that has begun with the captures."""
+        """A command that has begun with the captures, and that hears signals where this process does not."""
 
-        def limit() -> None:
+        def prepare() -> None:
+            # Under nohup and in the background of a shell they are ignored, and Python then leaves it at that.
+            for number in (signal.SIGINT, signal.SIGTERM):
+                signal.signal(number, signal.SIG_DFL)
             for kind, value in (limits or {}).items():
                 resource.setrlimit(kind, (value, value))
 
-        process = subprocess.Popen(
-            self.command(*options), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-            preexec_fn=limit if limits else None,
-        )  # fmt: skip
+        process = subprocess.Popen(self.command(*options), **PIPES, preexec_fn=prepare)
         until(lambda: process.poll() is not None or (self.folder / ".out.matest-lock").exists())
         return process
 
