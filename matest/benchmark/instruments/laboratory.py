@@ -167,8 +167,13 @@ def good(process: subprocess.Popen[str]) -> Iterator[str]:
 
 
 def ended_in_words(process: subprocess.Popen[str], codes: tuple[int, ...], name: str = "") -> Iterator[str]:
-    """What is wrong with how a command ended: another exit code, no sentence, or a traceback."""
+    """What is wrong with how a command ended."""
     code, _, errors = ended(process)
+    yield from unworded(code, errors, codes, name)
+
+
+def unworded(code: int, errors: str, codes: tuple[int, ...], name: str = "") -> Iterator[str]:
+    """What is wrong with an end: another exit code, no sentence, or a traceback."""
     told = _SENTENCE.search(errors) is not None and name in errors
     if code not in codes or (code and not told) or "Traceback" in errors or "fault of matest" in errors:
         yield f"ended with {code}: {errors}"
