@@ -47,7 +47,7 @@ def bases(folder: Path) -> dict[str, tuple[Callable[[Path], object], dict[str, A
         "camera": {**CAMERA, "resolution": [12, 8]}, "image": [{"lights": [LIGHT]}],
         "object": [
             {"name": "a", "mesh": "ball.ply", "material": {"model": "oren-nayar", "sigma": 0.3}},
-            {"name": "b", "shape": "sphere", "position": [2.0, 0.0, 0.0], "radius": 0.5, "material": {"model": "lambert"}},
+            {"name": "b", "shape": "sphere", "radius": 0.5, "material": {"model": "lambert"}},
         ],
     }  # fmt: skip
     sky = {
