@@ -44,9 +44,13 @@ class Lost:
 
 
 def in_processes(
-    function: Callable[[Item], Result], items: Iterable[Item], count: int, memory: int | None = None
+    function: Callable[[Item], Result],
+    items: Iterable[Item],
+    count: int,
+    memory: int | None = None,
+    threads: int | None = None,
 ) -> Iterator[tuple[Item, Result | Lost]]:
-    """Every item with the result of a function, as they are done, from fresh processes of one thread each.
+    """Every item with the result of a function, as they are done, from fresh processes.
 
     Each process starts once, and a new one takes the place of one that died. When the iteration ends early, so do
     the processes, within a second.
@@ -56,12 +60,13 @@ def in_processes(
         items: any number.
         count: of the processes, at most.
         memory: bytes that each process may have; None: any number.
+        threads: of each process; None: the processors are shared.
 
     Raises:
         WorkError: processes do not start.
     """
     waiting = deque(_Task(item) for item in items)
-    share = max(processors() // count, 1)
+    share = threads or max(processors() // count, 1)
     crew: list[_Process[Item, Result]] = []
     try:
         while waiting or any(process.task for process in crew):
