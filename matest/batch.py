@@ -27,10 +27,11 @@ from matest.report import manifest
 from matest.report.folder import check_destination, write_result
 from matest.report.picture_size import PictureSize
 from matest.report.summary import Row
+from matest.workers import processors
 
 # Bytes of the process that hands out the captures.
 _OWN_MEMORY = 400 << 20
-# Bytes that a process for a small capture needs: 390 MiB as the system counts them, most of it torch.
+# Bytes that a process of one thread for a small capture needs: 411 MiB as the system counts them, most of it torch.
 _LEAST_MEMORY = 450 << 20
 
 
@@ -265,12 +266,15 @@ def _side_by_side(jobs: Sequence[Job], workers: int, memory: int | None) -> Iter
         yield from in_processes(summarised, jobs, workers)
         return
     free = memory - _OWN_MEMORY
-    workers = min(workers, len(jobs), free // _LEAST_MEMORY)
+    workers = min(workers, len(jobs))
+    # Where memory suffices for fewer processes, it does not suffice for more threads in each either.
+    threads = max(processors() // workers, 1)
+    workers = min(workers, free // _LEAST_MEMORY)
     if workers < 1:
         least = math.ceil((_OWN_MEMORY + _LEAST_MEMORY) / 1e6)
         raise InputError(f"--memory {memory / 1e6:.0f}MB is too little for any capture; give {least}MB or more.")
     large = []
-    for job, row in in_processes(summarised, jobs, workers, free // workers):
+    for job, row in in_processes(summarised, jobs, workers, free // workers, threads):
         if workers > 1 and isinstance(row, Row) and row.lacks_memory:
             large.append(job)
         else:

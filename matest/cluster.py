@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import multiprocessing
+import os
+import signal
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, TypeVar
 
@@ -20,6 +23,8 @@ LOCAL = "local"
 _ANSWER = 10
 # Seconds that workers of this machine have to end.
 _GRACE = 0.5
+# Packages that print what is lost at length, where one sentence tells it.
+_TALKERS = ("distributed", "tornado", "asyncio")
 
 
 class SchedulerLostError(WorkError):
@@ -125,11 +130,12 @@ def client_of(address: str) -> Iterator[Any]:
         raise InputError('--scheduler needs Dask: pip install "matest-brdf[cluster]".') from None
     with contextlib.ExitStack() as stack:
         stack.enter_context(config.set({"distributed.comm.timeouts.connect": _ANSWER}))
-        # What is lost is told in one sentence; Dask would tell it in a hundred.
-        for name in [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]:
-            logging.getLogger(name).setLevel(logging.CRITICAL)
+        for name in [name for name in logging.root.manager.loggerDict if name.startswith(_TALKERS)]:
+            # Above every level: of what ends early also the loop of events complains.
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
         place: Any = address
         if address == LOCAL:
+            stack.enter_context(_nothing_running_after())
             place = LocalCluster(
                 n_workers=processors(), threads_per_worker=1, dashboard_address=None, memory_limit=0,
                 silence_logs=logging.CRITICAL,
@@ -140,7 +146,37 @@ def client_of(address: str) -> Iterator[Any]:
         except (OSError, ValueError):
             raise InputError(f"--scheduler {address}: no Dask scheduler answers there; check the address.") from None
         stack.callback(_close, client)
+        if address == LOCAL:
+            stack.enter_context(_abandoned_early(place))
         yield client
+
+
+@contextlib.contextmanager
+def _nothing_running_after() -> Iterator[None]:
+    """Processes that are started inside end with the block, by force if need be."""
+    others = multiprocessing.active_children()
+    try:
+        yield
+    finally:
+        for process in multiprocessing.active_children():
+            if process not in others:
+                process.kill()
+                process.join(_GRACE)
+
+
+@contextlib.contextmanager
+def _abandoned_early(cluster: Any) -> Iterator[None]:
+    """Where the block ends early, the workers of a cluster end at once: nobody waits for what they are at."""
+    try:
+        yield
+    except BaseException:
+        for nanny in cluster.workers.values():
+            # Otherwise it would start another one.
+            nanny.close_gracefully()
+            if pid := nanny.pid:
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
+        raise
 
 
 def _close(place: Any) -> None:

@@ -18,14 +18,18 @@ from matest.errors import WORK_FAILED
 SENTENCE = "interrupted; what was not finished was not written."
 # What the process says in place of that, where there is more to say.
 _sentence: Callable[[], str] | None = None
+# Removes what other processes left that have been ended by force.
+_removal: Callable[[], None] | None = None
 # Whether a signal came that asks to end.
 _came = threading.Event()
-# Folders that are not whole yet: a process that is ended by force removes them.
+# Folders that are not whole yet, and files that say so: a process that is ended by force removes them.
 UNFINISHED: set[Path] = set()
 # Signals that ask to end: by a scheduler or the system, and when a terminal goes.
 _ENDS = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
 # Seconds from a signal to the end by force: a call into a library may take longer, and Python waits for it.
 _PATIENCE = 1.2
+# Seconds in which other processes are gone that were ended by force.
+_GRACE = 0.2
 
 
 @contextlib.contextmanager
@@ -48,14 +52,19 @@ def watched() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def sentence(words: Callable[[], str]) -> Iterator[None]:
-    """What to say where the process is ended by force inside."""
-    global _sentence
-    _sentence = words
+def sentence(words: Callable[[], str], removal: Callable[[], None] | None = None) -> Iterator[None]:
+    """What to say where the process is ended by force inside.
+
+    Args:
+        words: gives the sentence.
+        removal: removes what other processes left, which are ended before.
+    """
+    global _sentence, _removal
+    _sentence, _removal = words, removal
     try:
         yield
     finally:
-        _sentence = None
+        _sentence = _removal = None
 
 
 def leave() -> None:
@@ -83,10 +92,17 @@ def _end_after(seen: int) -> None:
     time.sleep(_PATIENCE)
     # Who uses no processes has not loaded what starts them.
     processes = sys.modules.get("multiprocessing")
-    for child in processes.active_children() if processes else ():
+    children = processes.active_children() if processes else []
+    for child in children:
         child.kill()
-    for folder in list(UNFINISHED):
-        shutil.rmtree(folder, ignore_errors=True)
+    for path in list(UNFINISHED):
+        shutil.rmtree(path, ignore_errors=True)
+        with contextlib.suppress(OSError):
+            path.unlink()
+    for child in children:
+        child.join(_GRACE)
+    if _removal is not None:
+        _removal()
     with contextlib.suppress(OSError, ValueError):
         print(f"matest: {_sentence() if _sentence else SENTENCE}", file=sys.stderr, flush=True)
     os._exit(WORK_FAILED)

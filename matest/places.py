@@ -48,12 +48,14 @@ def reserved(out: Path) -> Iterator[None]:
     nested = lock.lock_counter > 1
     try:
         if not nested:
+            UNFINISHED.add(Path(lock.lock_file))
             _remove_remains(out)
         yield
     finally:
         if not nested:
             # Who opened it in between finds that it has no name any more, and opens the next.
             Path(lock.lock_file).unlink(missing_ok=True)
+            UNFINISHED.discard(Path(lock.lock_file))
         lock.release()
         with contextlib.suppress(OSError):
             for folder in missing:

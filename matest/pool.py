@@ -13,6 +13,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
+from types import FrameType
 from typing import Any, Generic, TypeVar
 
 from matest.errors import InputError, WorkError
@@ -25,6 +26,8 @@ Result = TypeVar("Result")
 MOST_DEATHS = 3
 # Seconds that processes have to remove what is half done; an interrupted command ends within two.
 _GRACE = 0.6
+# Seconds after which a thread tells again what the main thread has not heard.
+_AGAIN = 0.05
 # Libraries read from these how many threads to start.
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -41,9 +44,13 @@ class Lost:
 
 
 def in_processes(
-    function: Callable[[Item], Result], items: Iterable[Item], count: int, memory: int | None = None
+    function: Callable[[Item], Result],
+    items: Iterable[Item],
+    count: int,
+    memory: int | None = None,
+    threads: int | None = None,
 ) -> Iterator[tuple[Item, Result | Lost]]:
-    """Every item with the result of a function, as they are done, from fresh processes of one thread each.
+    """Every item with the result of a function, as they are done, from fresh processes.
 
     Each process starts once, and a new one takes the place of one that died. When the iteration ends early, so do
     the processes, within a second.
@@ -53,12 +60,13 @@ def in_processes(
         items: any number.
         count: of the processes, at most.
         memory: bytes that each process may have; None: any number.
+        threads: of each process; None: the processors are shared.
 
     Raises:
         WorkError: processes do not start.
     """
     waiting = deque(_Task(item) for item in items)
-    share = max(processors() // count, 1)
+    share = threads or max(processors() // count, 1)
     crew: list[_Process[Item, Result]] = []
     try:
         while waiting or any(process.task for process in crew):
@@ -196,9 +204,44 @@ def limited_memory(size: int | None) -> Iterator[None]:
     before, hard = resource.getrlimit(resource.RLIMIT_DATA)
     resource.setrlimit(resource.RLIMIT_DATA, (size if hard == resource.RLIM_INFINITY else min(size, hard), hard))
     try:
-        yield
+        with _failed_threads_told():
+            yield
     finally:
         resource.setrlimit(resource.RLIMIT_DATA, (before, hard))
+
+
+@contextlib.contextmanager
+def _failed_threads_told() -> Iterator[None]:
+    """Raise a MemoryError in the main thread where a thread has no memory to begin: Python waits for it for ever."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    main, unraisable, heard = threading.main_thread().ident, sys.unraisablehook, False
+
+    def tell(failure: Any) -> None:
+        nonlocal heard
+        if main is None or not issubclass(failure.exc_type, MemoryError):
+            unraisable(failure)
+            return
+        heard = False
+        # One that comes just before the main thread begins to wait does not wake it.
+        while not heard:
+            signal.pthread_kill(main, signal.SIGUSR1)
+            time.sleep(_AGAIN)
+
+    def hear(_number: int, _frame: FrameType | None) -> None:
+        nonlocal heard
+        heard = True
+        raise MemoryError
+
+    handler = signal.signal(signal.SIGUSR1, hear)
+    sys.unraisablehook = tell
+    try:
+        yield
+    finally:
+        heard = True
+        sys.unraisablehook = unraisable
+        signal.signal(signal.SIGUSR1, handler)
 
 
 @contextlib.contextmanager

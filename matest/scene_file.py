@@ -218,6 +218,7 @@ def _name_faults(files: list[str]) -> Iterator[Fault]:
     for file in files:
         path = Path(os.path.normpath(file))
         yield not file.isprintable(), f"file = {file!r} has characters that no name should have; rename it."
-        yield path.suffix.lower() not in _BITS, f"images are written as {', '.join(_BITS)}; got '{file}'. Rename it."
+        unknown = path.suffix.lower() not in _BITS
+        yield unknown, f"file = '{file}': images are written as {', '.join(_BITS)}; rename it."
         outside = path.is_absolute() or str(path).startswith("..")
         yield outside, f"file = '{file}' leads outside the capture's folder; name a file inside it."

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import builtins
+import contextlib
+import multiprocessing
+import time
 from typing import Any
 
 import pytest
@@ -54,3 +57,12 @@ def test_without_dask_the_way_to_it_is_told(monkeypatch: pytest.MonkeyPatch) -> 
 @pytest.mark.slow
 def test_workers_of_this_machine_give_every_item_its_result() -> None:
     assert dict(in_cluster(str, range(5), "local")) == {number: str(number) for number in range(5)}
+
+
+@pytest.mark.slow
+def test_what_ends_early_leaves_no_worker_that_runs() -> None:
+    before = multiprocessing.active_children()
+    with contextlib.closing(in_cluster(time.sleep, [0, 1000, 1000], "local")) as done:  # type: ignore[type-var]
+        assert next(done) == (0, None)
+        assert len(multiprocessing.active_children()) > len(before)
+    assert multiprocessing.active_children() == before

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import resource
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -43,3 +45,27 @@ def test_memory_is_limited_inside_and_as_before_afterwards() -> None:
     with limited_memory(1 << 40):
         assert resource.getrlimit(resource.RLIMIT_DATA)[0] == 1 << 40
     assert resource.getrlimit(resource.RLIMIT_DATA) == before
+
+
+# Threads that find no memory before they have begun.
+FAILING = """
+import threading
+from matest.pool import limited_memory
+from matest.workers import in_threads
+
+def fail(self):
+    raise MemoryError
+
+threading.Thread._bootstrap_inner = fail
+with limited_memory(4 << 30):
+    try:
+        print(list(in_threads(str, [1])))
+    except MemoryError:
+        print("too little")
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux limits the memory of a process")
+def test_a_thread_without_memory_to_begin_is_not_waited_for() -> None:
+    done = subprocess.run([sys.executable, "-c", FAILING], capture_output=True, text=True, timeout=300, check=True)
+    assert (done.stdout, done.stderr) == ("too little\n", "")

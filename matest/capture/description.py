@@ -252,20 +252,27 @@ def image_channels(description: Description, lengths: Iterable[int] = ()) -> int
     Raises:
         InputError: colours of neither one nor three values.
     """
-    tables = description.tables
-    lights = [light for image in tables.image for light in image.lights]
-    colours = [colour for light in lights for colour in (light.irradiance, light.intensity, light.radiance)]
-    colours += [*(image.ambient for image in tables.image), tables.camera.wavelength if tables.camera else None]
-    maps = {
-        read_image(description.path(name, f"image {k}: environment")).shape[2] for k, name in description.environments
-    }
-    several = ({len(colour) for colour in colours if isinstance(colour, list)} | {*lengths} | maps) - {1}
-    if not several <= {3}:
+    counts = dict.fromkeys(lengths, "a colour of the material")
+    counts |= {len(colour): key for key, colour in _colours(description.tables) if isinstance(colour, list)}
+    for k, name in description.environments:
+        key = f"image {k}: environment"
+        counts[read_image(description.path(name, key)).shape[2]] = key
+    for count in sorted({*counts} - {1, 3}):
         raise InputError(
-            f"{description.file}: colours must have 3 values (linear RGB) or be one number; got {sorted(several)} "
-            "values."
+            f"{description.file}: {counts[count]} must have 3 values (linear RGB) or be one number; got {count}."
         )
-    return 3 if several else 1
+    return 3 if 3 in counts else 1
+
+
+def _colours(tables: schema.CaptureFile) -> Iterator[tuple[str, Any]]:
+    """What has a value for each channel, or one for all, and its key."""
+    if tables.camera is not None:
+        yield "camera.wavelength", tables.camera.wavelength
+    for k, image in enumerate(tables.image):
+        yield f"image {k}: ambient", image.ambient
+        for number, light in enumerate(image.lights):
+            for key in ("irradiance", "intensity", "radiance"):
+                yield f"image {k}, light {number}: {key}", getattr(light, key)
 
 
 def _faults(tables: schema.CaptureFile) -> Iterator[Fault]:

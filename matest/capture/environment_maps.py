@@ -11,6 +11,7 @@ from torch import Tensor
 from matest.capture.schema import LightTable
 from matest.errors import Fault, refuse
 from matest.photographs.images import read_image
+from matest.photographs.photometry import as_tensor
 from matest.scene.environment import (
     USUAL_COUNT,
     Environment,
@@ -66,7 +67,7 @@ def read_environment(path: Path, channels: int) -> Tensor:
     """
     image = read_image(path)
     refuse(path, _faults(image.shape, image.dtype.kind, float(image.min()), float(image.max()), channels))
-    radiance = torch.from_numpy(image).double()
+    radiance = as_tensor(image, torch.float64, "cpu")
     if channels == 1:
         radiance = radiance.mean(dim=2, keepdim=True)
     return radiance.expand(-1, -1, channels)

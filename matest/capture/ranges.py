@@ -40,14 +40,18 @@ class Range:
 FINITE = Range(f"must be finite and below {LARGEST:g}")
 NOT_NEGATIVE = Range(f"must be below {LARGEST:g} and not negative", 0, ends=(True, False))
 POSITIVE = Range(f"must be positive and below {LARGEST:g}", 0)
-PIXELS = Range(f"must be positive pixels, below {LARGEST:g}", 0)
+# Less than a pixel of any image, and more than what a division by it overflows.
+_LEAST_PIXELS = 1e-3
+PIXELS = Range(f"must be pixels, {_LEAST_PIXELS:g} or more and below {LARGEST:g}", _LEAST_PIXELS, ends=(True, False))
 WORLD_UNITS = Range(f"must be positive world units, below {LARGEST:g}", 0)
-ANGLE_OF_VIEW = Range("must lie between 0 and π rad", 0, math.pi)
+# A fifth of an arc second: no lens sees less.
+ANGLE_OF_VIEW = Range("must lie between 1e-6 and π rad", 1e-6, math.pi)
 SOLID_ANGLE = Range("must lie between 0 and 4π sr", 0, 4 * math.pi, ends=(False, True))
 # Those of cameras and screens lie between 0.4 and 2.6: a percentage or a typing error does not.
 GAMMA = Range("as a number is a gamma and must lie between 0.1 and 10", 0.1, 10, ends=(True, True))
 # Divided by less, a radiance leaves what single precision can square.
 SCALE = Range(f"is the radiance of full scale and must lie between {1 / LARGEST:g} and {LARGEST:g}", 1 / LARGEST)
+FACTOR = Range(f"must lie between {1 / LARGEST:g} and {LARGEST:g}", 1 / LARGEST)
 PEDESTAL = Range("must be a fraction of full scale")
 SATURATION = Range("must be a positive fraction of full scale, or one per channel", 0)
 # Squares of radiance and its noise must stay within single precision.

@@ -92,7 +92,7 @@ class LightTable(_Table):
     size: float | tuple[float, float] | None = None  # diameter of a disc, or width and height of a rectangle
     up: Vector | None = None  # along the height of a rectangle
     environment: str | None = None  # a map of radiance in latitude and longitude, instead of all above
-    scale: Annotated[float, ranges.POSITIVE] | None = None  # of that radiance
+    scale: Annotated[float, ranges.FACTOR] | None = None  # of that radiance
     turn: float | None = None  # of that map about y, rad
     directions: Annotated[int, ranges.DIRECTIONS] | None = None  # that stand for it
 
@@ -134,8 +134,8 @@ class SceneFile(CaptureFile, kw_only=True):
 File = TypeVar("File", bound=CaptureFile)
 # A key of more tables than any file has: Python needs time and memory as the square of their number.
 _DEEP_KEY = re.compile(r"""(?m)(?:^|[\[{,])[ \t]*(?:["']?[\w-]+["']?[ \t]*\.[ \t]*){9}""")
-# The key of a line with a number that is too long for Python.
-_LONG_NUMBER = re.compile(r"(?m)^\s*([\w.\"-]+)\s*=[^\n]*\d{4301}")
+# The key of a number that is too long for Python, which may stand in a list.
+_LONG_NUMBER = re.compile(r"([\w.\"-]+)\s*=\s*[^=]*?\d{4301}")
 
 
 def read(path: Path, kind: type[File]) -> File:

@@ -13,7 +13,7 @@ from matest.batch import Job
 from matest.commands.console import console, print_json, progress_over
 from matest.errors import WorkError, printable
 from matest.estimation.result import read_result
-from matest.places import reserved
+from matest.places import reserved, sweep
 from matest.report.summary import Row, check_summary, failures, in_order, summary_table, write_summary
 
 
@@ -61,9 +61,13 @@ def _done(jobs: Sequence[Job], workers: int, memory: int | None, scheduler: str 
         complete = sum(not row.error for row in rows.values())
         return f"{why} {complete:,} of {len(jobs):,} captures are complete; go on with --resume."
 
+    def remove_remains() -> None:
+        for job in jobs:
+            sweep(job.out)
+
     try:
         with (
-            interruption.sentence(sentence),
+            interruption.sentence(sentence, remove_remains),
             progress_over(len(jobs)) as advance,
             contextlib.closing(batch.run_all(jobs, workers, memory, scheduler)) as done,
         ):

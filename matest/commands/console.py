@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import typer
 
@@ -16,7 +16,8 @@ from matest.outputs import json_text
 from matest.progress import Progress, silent
 
 if TYPE_CHECKING:
-    from rich.console import Console
+    from rich.console import Console, ConsoleOptions, ConsoleRenderable, RenderHook
+    from rich.segment import Segment
 
 # Whether nothing is printed but errors and what --json asks for.
 _hushed: ContextVar[bool] = ContextVar("hushed", default=False)
@@ -41,6 +42,7 @@ def progress(title: str) -> Iterator[Progress]:
     from rich import progress as bars
     from rich.console import Console
 
+    title = printable(title)
     columns = (
         bars.SpinnerColumn(), bars.BarColumn(bar_width=20), bars.TextColumn("{task.description}", markup=False),
         bars.TimeElapsedColumn(),
@@ -49,7 +51,7 @@ def progress(title: str) -> Iterator[Progress]:
         task = bar.add_task(title, total=None)
 
         def say(what: str, done: int | None = None, total: int | None = None) -> None:
-            bar.update(task, description=f"{title}: {what}", completed=done or 0, total=total)
+            bar.update(task, description=f"{title}: {printable(what)}", completed=done or 0, total=total)
 
         yield say
 
@@ -82,7 +84,25 @@ def console(*, stderr: bool = False) -> Console:
     from rich.console import Console
 
     # File names may have brackets, which are markup to rich.
-    return Console(highlight=False, markup=False, stderr=stderr, quiet=_hushed.get())
+    console = Console(highlight=False, markup=False, stderr=stderr, quiet=_hushed.get())
+    console.push_render_hook(cast("RenderHook", _Harmless()))
+    return console
+
+
+class _Harmless:  # a RenderHook of rich, which is not imported before it is needed
+    """Puts escapes for the control characters of whatever is printed, in tables too: names of files may have them."""
+
+    def process_renderables(self, renderables: list[ConsoleRenderable]) -> list[ConsoleRenderable]:
+        return [_Escaped(each) for each in renderables]
+
+
+class _Escaped:
+    def __init__(self, renderable: ConsoleRenderable) -> None:
+        self._renderable = renderable
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Segment]:
+        for segment in console.render(self._renderable, options):
+            yield segment if segment.control else segment._replace(text=printable(segment.text))
 
 
 def print_json(content: Any) -> None:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from html import escape
 
 from matest.estimation.result import Estimate
+from matest.report.html import escape
 
 # Side of a cell, in units of the drawing.
 _CELL = 44

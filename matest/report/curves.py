@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
+
+from matest.report.html import escape
 
 # Of the drawing and of the frame within, in units of its own.
 _WIDTH, _HEIGHT = 340, 230

@@ -5,11 +5,11 @@ from __future__ import annotations
 import base64
 import hashlib
 from collections.abc import Sequence
-from html import escape
 from typing import Any, NamedTuple
 
 from matest.outputs import json_text
 from matest.report.assets import asset
+from matest.report.html import escape
 
 # Scripts of every page, in the order in which they need each other.
 _SCRIPTS = ("numbers.js", "tables.js", "curves.js", "viewer.js", "relight.js", "sliders.js")

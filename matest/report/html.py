@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import html
 import re
 from collections.abc import Mapping, Sequence
-from html import escape
+
+from matest.errors import printable
 
 # An option of the command line, which lines may break after its hyphens.
 _OPTION = re.compile(r"--[a-z][a-z-]*")
+
+
+def escape(text: str) -> str:
+    """A text as HTML, with escapes for control characters, which names of files may have."""
+    return html.escape(printable(text))
 
 
 def sentence(text: str) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from html import escape
 
 import cv2
 import numpy as np
@@ -14,6 +13,7 @@ from matest.estimation.parameter_map import ParameterMap, TexelStatus, map_file
 from matest.estimation.result import Estimate
 from matest.photographs.photometry import srgb
 from matest.report.format import STATUSES, status_sentences
+from matest.report.html import escape
 from matest.scene import Surface
 
 # Share of the pixels beyond either end of the colours: a few wild ones leave no colour to the others.

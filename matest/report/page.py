@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
-from html import escape
 
 from matest.estimation.result import Estimate
 from matest.report import calibration, photographs
@@ -20,7 +19,7 @@ from matest.report.format import (
     rows,
     share,
 )
-from matest.report.html import facts, html_table, items, provenance, sentence, time_bars
+from matest.report.html import escape, facts, html_table, items, provenance, sentence, time_bars
 from matest.report.map_figures import maps_section
 from matest.report.pictures import MEAN_RANGE
 from matest.report.previews import PagePictures

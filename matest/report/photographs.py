@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from html import escape
 
 from matest.estimation.photographs import PhotographFit, Turn
 from matest.estimation.residual_angles import AngularResiduals
 from matest.report.curves import Curve, drawing, legend
 from matest.report.format import chi2, share
-from matest.report.html import meter
+from matest.report.html import escape, meter
 from matest.report.plots import COLOURS
 
 _COLUMNS = ("photograph", "relative rms error", "χ²")

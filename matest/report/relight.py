@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from html import escape
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,7 @@ from matest.report.assets import asset
 from matest.report.baking import SIDE_NODES, TOP, BakedMaterial, bake
 from matest.report.document import data_block
 from matest.report.format import measured
+from matest.report.html import escape
 from matest.report.packing import packed
 from matest.report.raster import Raster
 from matest.scene import DirectionalLight, EnvironmentLight, Light, Scene, Surface

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from html import escape
 
 from matest.estimation.table_fit import Misfit, TableFit
 from matest.report.document import Section, document
 from matest.report.format import MISFIT_COLUMNS, chi2, misfit_cells, share
-from matest.report.html import html_table, items
+from matest.report.html import escape, html_table, items
 from matest.report.page import candidates, closing_sections, heading, identifiability, parameters
 from matest.report.relight import Relighting, relight_section
 

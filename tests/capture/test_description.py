@@ -64,7 +64,7 @@ def test_there_are_as_many_channels_as_the_longest_colour_has(folder: CaptureFol
         (
             "geometry",
             {"shape": "sphere", "radius": -3.0},
-            "geometry.radius must be positive pixels, below 1e+15; got -3.0.",
+            "geometry.radius must be pixels, 0.001 or more and below 1e+15; got -3.0.",
         ),
         (
             "geometry",
@@ -78,7 +78,7 @@ def test_there_are_as_many_channels_as_the_longest_colour_has(folder: CaptureFol
             "geometry.width goes with normals seen by a distant viewer, and without positions; leave it out.",
         ),
         ("camera", {"height": 0.0}, "camera.height must be positive world units, below 1e+15; got 0.0."),
-        ("camera", {"fov_y": 4.0}, "camera.fov_y must lie between 0 and π rad; got 4.0."),
+        ("camera", {"fov_y": 4.0}, "camera.fov_y must lie between 1e-6 and π rad; got 4.0."),
     ],
 )
 def test_impossible_numbers_are_refused_before_any_file_is_read(

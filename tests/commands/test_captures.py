@@ -132,7 +132,7 @@ def test_captures_that_need_more_memory_than_a_share_come_last_with_all_of_it(
 ) -> None:
     calls = []
 
-    def pool(_: object, jobs: list[batch.Job], count: int, memory: int):
+    def pool(_: object, jobs: list[batch.Job], count: int, memory: int, *_others: object):
         calls.append(([job.name for job in jobs], count, memory))
         for job in jobs:
             yield job, Row(job.name, "failed", error="-", lacks_memory=job.name != "bad" and memory < 2 << 30)
@@ -144,3 +144,13 @@ def test_captures_that_need_more_memory_than_a_share_come_last_with_all_of_it(
     assert calls == [(["bad", "ball", "cup"], 2, share), (["ball", "cup"], 1, 2 * share)]
     assert set(rows) == {"bad", "ball", "cup"}
     assert not any(row.lacks_memory for row in rows.values())
+
+
+@pytest.mark.slow
+def test_the_memory_that_is_named_as_the_least_suffices_for_small_captures(
+    run: Run, three: list[Path], tmp_path: Path
+) -> None:
+    arguments = ("estimate", *three[1:], *PLAIN, "-o", tmp_path / "out", "--jobs", "2", "--memory")
+    _, _, err = run(*arguments, "300MB")
+    least = err.rpartition("give ")[2].split()[0]
+    assert run(*arguments, least)[0] == 0

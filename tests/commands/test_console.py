@@ -7,6 +7,7 @@ import json
 import sys
 
 import pytest
+from rich.table import Table
 
 from matest.commands.console import console, hushed, note, print_json, progress, progress_over
 from matest.progress import silent
@@ -18,6 +19,18 @@ def test_json_goes_to_standard_output_and_notes_to_standard_error(capsys: pytest
     out, err = capsys.readouterr()
     assert (json.loads(out), err) == ({"sigma": "σ"}, "matest: note: the albedo is relative.\n")
     assert "σ" in out
+
+
+def test_names_that_move_the_cursor_are_printed_as_escapes_in_tables_too(capsys: pytest.CaptureFixture[str]) -> None:
+    table = Table("capture\x1b[2J", title="\u202edlab")
+    table.add_row("a\x07b [red]")
+    console().print(table, "Written to \x1b]0;title\x07", soft_wrap=True)
+    console().print("Written to c\x1b[31m", "\u202eb")
+    out, _ = capsys.readouterr()
+    assert not {*"\x1b\x07\u202e"} & {*out}
+    assert "\\x1b[2J" in out
+    assert "[red]" in out
+    assert "Written to c\\x1b[31m \\u202eb\n" in out
 
 
 def test_json_is_whole_where_the_terminal_lacks_a_letter(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -26,6 +26,7 @@ from matest.benchmark.instruments.laboratory import (
     good,
     locked,
     until,
+    unworded,
 )
 from matest.capture.digests import digest
 from matest.report import manifest
@@ -39,6 +40,8 @@ _PAGES_LEFT = (0, 12)
 _FULL = (100, 40_000)
 # Bytes of address space that suffice to start, and at the upper end for a capture.
 _SCANT = (1_000 << 20, 1_250 << 20)
+# Exit codes of a process that OpenBLAS ended, or the loader of libraries.
+_ENDED_BY_LIBRARIES = (1, 127)
 # What a command says that was interrupted.
 _COUNT = re.compile(r"interrupted; (\d+) of \d+ captures are complete")
 
@@ -69,13 +72,13 @@ def process_killed(lab: Laboratory) -> Iterator[str]:
     yield from lab.lost()
 
 
-def interrupted(kind: int) -> Callable[[Laboratory], Iterator[str]]:
+def interrupted(kind: int, *options: str) -> Callable[[Laboratory], Iterator[str]]:
     """A signal that asks to end: at once, with the number of complete results."""
 
     def cause(lab: Laboratory) -> Iterator[str]:
         processes = lab.moments.choice([1, 2])
         lab.restart()
-        process = lab.started("--jobs", processes)
+        process = lab.started(*(options or ("--jobs", processes)))
         lab.wait_in_work(processes)
         begin = time.monotonic()
         process.send_signal(kind)
@@ -129,11 +132,21 @@ def files_limited(lab: Laboratory) -> Iterator[str]:
 
 
 def memory_scant(lab: Laboratory) -> Iterator[str]:
-    """Too little address space, from just enough to start."""
+    """Too little address space, from just enough to start; then --resume with enough.
+
+    The loader of libraries and OpenBLAS end the process where they find no memory for themselves: then nothing that
+    runs in it can say a word, or remove its lock, as after a kill.
+    """
     lab.restart(earlier=True)
     process = lab.started(limits={resource.RLIMIT_AS: lab.moments.randint(*_SCANT)})
-    yield from ended_in_words(process, (0, 1))
-    yield from lab.lost()
+    code, _, errors = ended(process)
+    by_itself = bool(errors) or not code
+    if by_itself:
+        yield from unworded(code, errors, (0, 1))
+    elif code not in _ENDED_BY_LIBRARIES:
+        yield f"ended with {code}, without a word"
+    yield from lab.lost(over=by_itself)
+    yield from lab.resumed()
 
 
 def photograph_gone(lab: Laboratory) -> Iterator[str]:
@@ -235,6 +248,8 @@ FAULTS: dict[str, tuple[Callable[[Laboratory], Iterator[str]], int]] = {
     "kill -9 of one of two processes": (process_killed, 6),
     "SIGINT": (interrupted(signal.SIGINT), 8),
     "SIGTERM": (interrupted(signal.SIGTERM), 8),
+    "SIGINT with --scheduler local": (interrupted(signal.SIGINT, "--scheduler", "local"), 4),
+    "SIGTERM with --scheduler local": (interrupted(signal.SIGTERM, "--scheduler", "local"), 4),
     "a disk that is full (tmpfs)": (disk_full, 8),
     "files that may not grow (RLIMIT_FSIZE)": (files_limited, 5),
     "too little memory (RLIMIT_AS)": (memory_scant, 8),

@@ -7,6 +7,7 @@ import random
 import re
 import resource
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -61,16 +62,16 @@ class Laboratory:
         ]  # fmt: skip
 
     def started(self, *options: object, limits: dict[int, int] | None = None) -> subprocess.Popen[str]:
-        """A command that has begun with the captures."""
+        """A command that has begun with the captures, and that hears signals where this process does not."""
 
-        def limit() -> None:
+        def prepare() -> None:
+            # Under nohup and in the background of a shell they are ignored, and Python then leaves it at that.
+            for number in (signal.SIGINT, signal.SIGTERM):
+                signal.signal(number, signal.SIG_DFL)
             for kind, value in (limits or {}).items():
                 resource.setrlimit(kind, (value, value))
 
-        process = subprocess.Popen(
-            self.command(*options), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-            preexec_fn=limit if limits else None,
-        )  # fmt: skip
+        process = subprocess.Popen(self.command(*options), **PIPES, preexec_fn=prepare)
         until(lambda: process.poll() is not None or (self.folder / ".out.matest-lock").exists())
         return process
 
@@ -166,8 +167,13 @@ def good(process: subprocess.Popen[str]) -> Iterator[str]:
 
 
 def ended_in_words(process: subprocess.Popen[str], codes: tuple[int, ...], name: str = "") -> Iterator[str]:
-    """What is wrong with how a command ended: another exit code, no sentence, or a traceback."""
+    """What is wrong with how a command ended."""
     code, _, errors = ended(process)
+    yield from unworded(code, errors, codes, name)
+
+
+def unworded(code: int, errors: str, codes: tuple[int, ...], name: str = "") -> Iterator[str]:
+    """What is wrong with an end: another exit code, no sentence, or a traceback."""
     told = _SENTENCE.search(errors) is not None and name in errors
     if code not in codes or (code and not told) or "Traceback" in errors or "fault of matest" in errors:
         yield f"ended with {code}: {errors}"

@@ -27,8 +27,8 @@ def read_pnm(path: Path) -> Raster:
         raise unreadable(path, f"its maximum is {maximum}, not between 1 and 65535")
     shape = (height, width, 3) if kind in (3, 6) else (height, width)
     check_size(path, shape, 2)
-    codes = _binary(data[header.end() :], maximum) if kind >= 5 else _text(path, data[header.end() :])
     count = math.prod(shape)
+    codes = _binary(data[header.end() :], maximum) if kind >= 5 else _text(path, data[header.end() :], count, maximum)
     if len(codes) < count:
         raise unreadable(path, f"the file is truncated: it has {len(codes)} of {count} values")
     codes = codes[:count].reshape(shape)
@@ -44,8 +44,13 @@ def _binary(data: bytes, maximum: int) -> np.ndarray:
     return np.frombuffer(data, dtype, len(data) // dtype.itemsize)
 
 
-def _text(path: Path, data: bytes) -> np.ndarray:
+def _text(path: Path, data: bytes, count: int, maximum: int) -> np.ndarray:
+    text = _COMMENT.sub(b" ", data)
     try:
-        return np.array(_COMMENT.sub(b"", data).split(), dtype=np.uint32)
+        codes = np.array(text.split(), dtype=np.uint32)
     except (ValueError, OverflowError):
         raise unreadable(path, "its values are not all whole numbers") from None
+    # Of a file that is cut off there may be half a number left.
+    if len(codes) == count and text[-1:].isdigit() and 0 < 10 * int(codes[-1]) <= maximum:
+        raise unreadable(path, "it ends in the middle of a line, maybe of a number; add a line break if it is whole")
+    return codes
