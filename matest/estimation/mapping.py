@@ -17,7 +17,9 @@ from matest.estimation.parameter_map import ParameterMap, TexelStatus, with_maps
 from matest.estimators import Problem, Solution, Statistics
 from matest.estimators.calibrated import body_albedos
 from matest.estimators.moments import SCORES
-from matest.estimators.texels.maps import MISFIT_CHI2, MapFit, fit_maps
+from matest.estimators.texels.maps import MapFit, fit_maps
+from matest.estimators.texels.regions import AMPLITUDE_TOLD, SHAPE_TOLD
+from matest.estimators.texels.sharing import MISFIT_CHI2
 from matest.inference.budget import SAMPLES, Budget
 from matest.inference.map_calibration import MapBudget, over_all
 from matest.inference.map_jackknife import FEWEST_IMAGES, map_jackknife
@@ -104,13 +106,15 @@ class Mapped:
             for v, s in zip(values, stds, strict=True)
         ]
         is_one = not isinstance(estimate.value, list) and len(values) == 1
+        most = SHAPE_TOLD if name in self.fit.texels.shapes else AMPLITUDE_TOLD
+        told = all(s <= most * abs(v) for v, s in zip(values, stds, strict=True))
         return replace(
             estimate,
             value=values[0] if is_one else values,
             std=stds[0] if is_one else stds,
             interval95=intervals[0] if is_one else intervals,
-            status="determined",
-            doc=f"{estimate.doc}; mean over the pixels of its map",
+            status="determined" if told else "not determined",
+            doc=f"{estimate.doc}; mean over the pixels of its map, of which {self.maps[name].determined:.0%} tell it",
         )
 
 

@@ -95,11 +95,13 @@ def map_budget(
 
 
 def at_some_texels(fit: MapFit, samples: CalibratedSamples, count: int, seed: int) -> tuple[TexelFitter, TileFit]:
-    """The maps at about `count` random texels that photographs show, with their samples."""
+    """The maps at about `count` random texels that photographs show, with their samples, and what regions say."""
     tile = samples.some_texels(count, seed)
     tile = tile.some((~fit.theta[0, tile.texels].isnan()).nonzero()[:, 0])
     fitter = TexelFitter(fit.texels, fit.unknowns, fit.residual_scale)
-    return fitter, fitter.at(tile, fit.theta[:, tile.texels], fit.regions.weak_prior(len(tile)))
+    theta = fit.theta[:, tile.texels]
+    prior = fit.regions.prior(fit.regions.labels(theta), fit.own[:, tile.texels], fit.inflation)
+    return fitter, fitter.at(tile, theta, prior)
 
 
 def _gradient(fit: MapFit, here: TileFit, change: Tensor) -> Tensor:

@@ -39,6 +39,7 @@ def map_jackknife(fit: MapFit, samples: CalibratedSamples, count: int, seed: int
     for image in range(images):
         information = by_image.information.sum(2) - by_image.information[:, :, image]
         gradient = by_image.gradient.sum(1) - by_image.gradient[:, image]
+        gradient[:size] += here.prior.precision * (here.prior.mean - theta)
         own = information[:size, :size].clone()
         own.diagonal().add_(here.prior.precision.T)
         factored = Factored.of(own)

@@ -10,7 +10,8 @@ import pytest
 import matest
 from matest import InputError
 from matest.benchmark.instruments import miscalibration as off
-from matest.benchmark.instruments.photographs import vase
+from matest.benchmark.instruments.photographs import sphere, vase
+from matest.benchmark.instruments.varying import KINDS, estimated, photographed
 from matest.brdf import OrenNayar
 from matest.estimation.parameter_map import TexelStatus
 from matest.photographs.images import read_image
@@ -106,3 +107,16 @@ def test_a_shape_has_a_map_under_ambient_light_as_check_says() -> None:
     assert sigma.determined == pytest.approx(forecast.photographs[-1].maps["sigma"].known, abs=0.1)
     own = sigma.status == TexelStatus.DETERMINED
     assert float(((sigma.value - 0.4) / sigma.std)[own].square().mean().sqrt()) < 1.2
+
+
+def test_intervals_of_means_hold_what_pixels_share() -> None:
+    """Pixels that take the value of others are all off together: errors of means do not fall with their number."""
+    kind, off_by = KINDS["oren-nayar"], []
+    for seed in range(3):
+        subject = photographed(kind, sphere(40), 12, seed)
+        estimate = estimated(kind, subject.photograph())
+        for name, each in estimate.maps.items():
+            mean, seen = estimate.parameters[name], each.status != TexelStatus.UNSEEN
+            truth = subject.material.parameters[name].expand(len(seen), -1)[seen].mean(0)
+            off_by.extend(((np.atleast_1d(mean.value) - truth.numpy()) / np.atleast_1d(mean.std)).tolist())
+    assert np.sqrt(np.mean(np.square(off_by))) < 1.7

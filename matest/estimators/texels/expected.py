@@ -12,10 +12,10 @@ from torch import Tensor
 from matest.estimators.columns import Columns
 from matest.estimators.texels.elimination import Elimination
 from matest.estimators.texels.fit import TexelFitter, TileFit, Trials
-from matest.estimators.texels.maps import shared
 from matest.estimators.texels.models import radiance, texel_model
 from matest.estimators.texels.problem import TexelPrior, TexelProblem
-from matest.estimators.texels.regions import Regions
+from matest.estimators.texels.regions import UNKNOWN_SPREAD, Regions
+from matest.estimators.texels.sharing import shared
 from matest.estimators.texels.small_systems import Factored
 from matest.estimators.texels.some import Knowledge
 from matest.estimators.texels.sums import TexelGram
@@ -93,12 +93,15 @@ class ExpectedTexels:
             std = torch.where(ambiguous(fit, std, 1.0), torch.inf, std)
         values = self.unknowns[texels.places, None]
         labels = torch.zeros(len(tile), dtype=torch.int64)
-        regions = Regions.single(texels, self.unknowns).filled(labels, fit.theta, std, values)
+        # How far values will scatter is not known before: as much as is taken where hardly a texel tells.
+        told = (std < UNKNOWN_SPREAD * values.abs()).double().mean(1, keepdim=True)
+        error = (1 - told).sqrt() * UNKNOWN_SPREAD * values.abs()
+        regions = Regions.single(texels, self.unknowns).filled(labels, fit.theta, std, values, error)
         known = Knowledge(regions, 1.0, limit, ScoreBias.none(len(texels.common)))
-        fit, own, counted, elimination = shared(fitter, fit, known)
+        fit, own, counted, elimination, *_ = shared(fitter, fit, known)
         is_shape = texels.is_shape[:, None]
         # Of anything but a shape: with the shapes known that are shared, but nothing known of itself.
-        beside = replace(fit, prior=regions.prior(labels, own | ~is_shape))
+        beside = replace(fit, prior=regions.prior(labels, own | ~is_shape, 1.0))
         variance = torch.where(is_shape, alone, Elimination.of(fitter, beside).variance)
         seen = tile.usable.unflatten(0, (len(images), -1)).any(0)
         return Told(own & seen, variance, elimination.moves, counted, seen)

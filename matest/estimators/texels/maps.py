@@ -19,18 +19,11 @@ from matest.estimators.covariance import Covariance, fisher
 from matest.estimators.levenberg_marquardt import at_bound, moved
 from matest.estimators.moments import SCORES
 from matest.estimators.texels.elimination import CommonSums, Elimination
-from matest.estimators.texels.fit import TexelFitter, TileFit
+from matest.estimators.texels.fit import TexelFitter
 from matest.estimators.texels.regions import Regions
+from matest.estimators.texels.sharing import bias_of_means, shared
 from matest.estimators.texels.some import Knowledge, descend, regions_of, started, step, unbiased
-from matest.estimators.texels.trust import (
-    Reliable,
-    ScoreBias,
-    ambiguous,
-    degrees,
-    least_information,
-    totals,
-    variance_among_trials,
-)
+from matest.estimators.texels.trust import ScoreBias, degrees, totals, variance_among_trials
 from matest.estimators.texels.unknowns import TexelUnknowns
 from matest.estimators.unknowns import Problem
 from matest.progress import Progress, silent
@@ -44,8 +37,6 @@ LEAST_LEFT = 0.02
 _PASSES = 3
 # Standard errors that some texels state of the parameters in common, up to which texels follow a step linearly.
 _LINEAR = 5.0
-# χ² per degree of freedom above which a texel's shape has to be told by more than one photograph.
-MISFIT_CHI2 = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +59,8 @@ class MapFit:
         converged: whether the last step was one that texels follow.
         residual_scale: by which outliers were judged.
         regions: that texels take their values from where they have none of their own.
+        drawn: how far the T unknowns, summed over all texels, follow the values of each region [T, T, R].
+        mean_bias: of the means of θ, which they still hold [T].
     """
 
     texels: TexelUnknowns
@@ -85,6 +78,8 @@ class MapFit:
     converged: bool
     residual_scale: ResidualScale
     regions: Regions
+    drawn: Tensor
+    mean_bias: Tensor
 
     def total(self, name: str) -> float:
         return float(self.totals[:, SCORES.index(name)].sum())
@@ -131,11 +126,19 @@ class MapFit:
 
     @property
     def mean_std(self) -> Tensor:
-        """Standard errors of the mean of θ over all texels that are seen [T]."""
+        """Standard errors of the mean of θ over all texels that are seen [T].
+
+        Texels that take the value of a region have its error in common: where they lie together, as the parts of an
+        object do that show no highlight, all may be off by as much as single ones are. What texels of little known
+        shape lean to one side by does not average out either.
+        """
         seen = ~self.theta[0].isnan()
         own = self.inflation * self.variance[:, seen].double().sum(1) / int(seen.sum()) ** 2
         moves = self.moves[..., seen].double().mean(-1)
-        return (own + torch.einsum("ts,su,tu->t", moves, self.covariance.matrix, moves)).sqrt()
+        following = torch.einsum("ts,su,tu->t", moves, self.covariance.matrix, moves)
+        spreads = torch.hypot(self.regions.spreads, self.regions.doubts)
+        drawn = (self.drawn * spreads / int(seen.sum())).square().sum((1, 2))
+        return (own + following + drawn + self.mean_bias.square()).sqrt()
 
 
 @single_threaded_torch()
@@ -190,7 +193,8 @@ def fit_maps(
         here, is_linear = out.step(texels, here, sums, elimination.sums().information)
         if is_linear:
             break
-    return out.fit(texels, here, sums, knowledge, sample.residual_scale, converged=is_linear)
+    lean = bias_of_means(sample.fitter, sample.fit, knowledge, seed)
+    return out.fit(texels, here, sums, knowledge, lean, sample.residual_scale, converged=is_linear)
 
 
 class _TileSums(NamedTuple):
@@ -200,6 +204,7 @@ class _TileSums(NamedTuple):
     scores: Tensor
     totals: Tensor
     degrees: float
+    drawn: Tensor
 
 
 def _over_all(fitter: TexelFitter, known: Knowledge, tiles: TexelTileGroups, out: _Maps) -> _TileSums:
@@ -208,66 +213,20 @@ def _over_all(fitter: TexelFitter, known: Knowledge, tiles: TexelTileGroups, out
     def work(get: Callable[[], TexelTile]) -> list[_TileSums]:
         with torch.no_grad():
             tile = get()
-            fit, own, counted, elimination = shared(
-                fitter, fitter.fit(tile, known.regions.weak_prior(len(tile))), known
-            )
-            variance = elimination.variance
-            told = degrees(fit, variance)
+            first = fitter.fit(tile, known.regions.weak_prior(len(tile)))
+            solution = shared(fitter, first, known)
+            fit, own, elimination = solution.fit, solution.own, solution.elimination
+            told = degrees(fit, elimination.variance)
+            variance = elimination.variance + solution.doubt(known.regions) / known.inflation
             if fit.trials is not None:
                 among = variance_among_trials(fit, known.inflation)
                 variance = torch.where(own, variance, torch.maximum(variance, among))
             out.put(tile, fit.theta, variance, elimination, own)
             sums = totals(tile, fit.problem.squares, fit.radiance)
-            return [_TileSums(*elimination.sums(counted), sums, told)]
+            return [_TileSums(*elimination.sums(solution.counted), sums, told, solution.drawn(known.regions))]
 
     parts = list(in_groups(work, tiles))
     return _TileSums(*(sum(column) for column in zip(*parts, strict=True)))
-
-
-class SharedFit(NamedTuple):
-    """The solution of a tile where what a texel does not tell is that of its region.
-
-    Attributes:
-        fit: of the texels.
-        own: what they tell of their own [T, n].
-        counted: which of them tell of the unknowns in common [n]; None: all.
-        elimination: of them.
-    """
-
-    fit: TileFit
-    own: Tensor
-    counted: Tensor | None
-    elimination: Elimination
-
-
-def shared(fitter: TexelFitter, fit: TileFit, known: Knowledge) -> SharedFit:
-    """The solution where what a texel does not tell is that of its region.
-
-    Shapes come first: an amplitude is told with its shape known, whatever that is known from.
-    """
-    texels, regions, inflation = fitter.texels, known.regions, known.inflation
-    labels = regions.labels(fit.theta)
-    limits = regions.limits(labels)
-    own, counted = torch.ones_like(fit.theta, dtype=torch.bool), None
-    elimination = Elimination.of(fitter, fit)
-    is_shape = texels.is_shape
-    for some in (is_shape, ~is_shape):
-        if not bool(some.any()):
-            continue
-        std = (inflation * elimination.variance).sqrt()
-        untold = some[:, None] & (std > limits)
-        if fit.trials is not None and some is is_shape:
-            untold |= some[:, None] & ambiguous(fit, std, inflation)
-            counted = Reliable.of(fitter, fit, elimination, inflation, known.limit).counted
-            if inflation > MISFIT_CHI2:
-                # A lobe that one photograph alone tells may be what the model lacks there.
-                without_one = (inflation * least_information(fitter, fit)).sqrt()
-                untold |= some[:, None] & (without_one > limits)
-        own &= ~untold
-        if len(places := untold.any(0).nonzero()[:, 0]):
-            fit = fitter.with_prior(fit, regions.prior(labels, own), places)
-            elimination = elimination.replaced(places, Elimination.of(fitter, fit.some(places)))
-    return SharedFit(fit, own, counted, elimination)
 
 
 @dataclass(frozen=True, eq=False)
@@ -318,6 +277,7 @@ class _Maps:
         unknowns: Tensor,
         sums: _TileSums,
         known: Knowledge,
+        lean: Tensor,
         residual_scale: ResidualScale,
         *,
         converged: bool,
@@ -325,5 +285,6 @@ class _Maps:
         """All together."""
         return MapFit(
             texels, unknowns, self.theta, self.variance, self.moves, self.own, self.held, sums.information, sums.scores,
-            known.bias, sums.totals, sums.degrees, converged, residual_scale, known.regions,
+            known.bias, sums.totals, sums.degrees, converged, residual_scale, known.regions, sums.drawn,
+            lean,
         )  # fmt: skip

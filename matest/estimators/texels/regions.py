@@ -19,7 +19,13 @@ SHAPE_TOLD = 0.25
 # Least scatter of the values of a region, relative to the domain: the region's value is no better known.
 _LEAST_SPREAD = 1e-3
 # Scatter of values where a texel does not tell one, relative to the value of the region.
-_UNKNOWN_SPREAD = 0.5
+UNKNOWN_SPREAD = 0.5
+# Square of the standard deviations within which half of a Gaussian lies.
+_HALF = 0.4549
+# Standard error of a variance by the median of n squares, relative to it, times √n.
+_OF_MEDIAN = 2.3
+# Halvings of the range of a scatter's square.
+_HALVINGS = 40
 # Texels that a region's mean and scatter need.
 _FEWEST = 10
 # Least albedo of which the logarithm is taken where regions are told apart.
@@ -48,18 +54,21 @@ class Regions:
         features: centre of each of the R regions among the logarithms of amplitudes [R, A].
         values: of the T unknowns [T, R].
         spreads: standard deviation of the values of its texels about them [T, R].
+        doubts: standard error of the values for texels that do not tell their own, which may differ from those that do
+            [T, R].
     """
 
     texels: TexelUnknowns
     features: np.ndarray
     values: Tensor
     spreads: Tensor
+    doubts: Tensor
 
     @classmethod
     def single(cls, texels: TexelUnknowns, unknowns: Tensor) -> Regions:
         """One region of the values in common, nothing being known of the scatter about them."""
         values = unknowns[texels.places, None]
-        return cls(texels, np.zeros((1, 0)), values, texels.width(values))
+        return cls(texels, np.zeros((1, 0)), values, texels.width(values), torch.zeros_like(values))
 
     @classmethod
     def of(cls, texels: TexelUnknowns, theta: Tensor, count: int | None, seed: int) -> Regions:
@@ -72,9 +81,10 @@ class Regions:
         if count == 1 or not features.shape[1] or (count is None and not texels.shapes):
             return single
         centres = _apart(features, seed) if count is None else _clustered(features, count, seed)
-        return cls(texels, centres, *(part.repeat(1, len(centres)) for part in (single.values, single.spreads)))
+        parts = (single.values, single.spreads, single.doubts)
+        return cls(texels, centres, *(part.repeat(1, len(centres)) for part in parts))
 
-    def filled(self, labels: Tensor, theta: Tensor, std: Tensor, values: Tensor) -> Regions:
+    def filled(self, labels: Tensor, theta: Tensor, std: Tensor, values: Tensor, error: Tensor) -> Regions:
         """The same regions with what is known of their texels.
 
         Args:
@@ -82,27 +92,30 @@ class Regions:
             theta: their values [T, n].
             std: standard errors of these, infinite where another value is likely too [T, n].
             values: of the shapes of each region [T, R]; amplitudes are those of the mean of its texels.
+            error: standard errors of the shapes of each region [T, R].
         """
-        values, spreads = values.clone(), self._unknown.repeat(1, values.shape[1])
+        values, doubts = values.clone(), torch.zeros_like(values)
+        spreads = torch.maximum(UNKNOWN_SPREAD * values.abs(), _LEAST_SPREAD * self._unknown)
         for region in range(values.shape[1]):
-            inside = labels == region
             for number, row in enumerate(self.texels.rows):
-                # A larger error than the scatter that is taken where nothing is known says nothing.
-                some = inside & (std[number] < _UNKNOWN_SPREAD * values[number, region].abs())
-                if int(some.sum()) < _FEWEST:
-                    spreads[number, region] = _UNKNOWN_SPREAD * values[number, region].abs()
-                    continue
-                of_texels, errors = theta[number, some].double(), std[number, some].double()
-                # Those whose errors are larger than most say little of the scatter.
-                weights = (errors.square() + errors.median().square()).pow(-2)
-                weights = weights / weights.sum()
+                inside = (labels == region) & std[number].isfinite()
+                of_texels, errors = theta[number, inside].double(), std[number, inside].double()
                 if row.name not in self.texels.shapes:
-                    values[number, region] = weights @ of_texels
-                scatter = weights @ ((of_texels - values[number, region]).square() - errors.square())
-                unknown = (_UNKNOWN_SPREAD * values[number, region]).square()
-                share = float(some.sum()) / float(inside.sum())
-                spreads[number, region] = (share * scatter.clamp(min=0) + (1 - share) * unknown).sqrt()
-        return replace(self, values=values, spreads=torch.maximum(spreads, _LEAST_SPREAD * self._unknown))
+                    values[number, region] = _mean(of_texels, errors, values[number, region])
+                # A larger error than the scatter that is taken where nothing is known says nothing.
+                tells = errors < UNKNOWN_SPREAD * values[number, region].abs()
+                of_texels, errors = of_texels[tells], errors[tells]
+                if len(errors) < _FEWEST:
+                    continue
+                if row.name not in self.texels.shapes:
+                    values[number, region] = _mean(of_texels, errors, values[number, region])
+                scatter = _scatter(of_texels - values[number, region], errors)
+                share = len(errors) / float((labels == region).sum())
+                # The others may lie off by as much as these scatter.
+                doubts[number, region] = math.sqrt(1 - share) * scatter
+                spreads[number, region] = math.hypot(scatter, float(error[number, region]))
+        spreads = torch.maximum(spreads, _LEAST_SPREAD * self._unknown)
+        return replace(self, values=values, spreads=spreads, doubts=doubts)
 
     def labels(self, theta: Tensor) -> Tensor:
         """The region of every texel, by its values θ [T, n], int64 [n]."""
@@ -131,11 +144,38 @@ class Regions:
         mean = self.values.mean(1, keepdim=True).expand(-1, texels)
         return TexelPrior(mean.float(), self._unknown.expand_as(mean).pow(-2).float())
 
-    def prior(self, labels: Tensor, own: Tensor) -> TexelPrior:
-        """The priors of texels of these regions: next to nothing for what they tell on their `own` [T, n]."""
+    def prior(self, labels: Tensor, own: Tensor, inflation: float) -> TexelPrior:
+        """The priors of texels of these regions: next to nothing for what they tell on their `own` [T, n].
+
+        Samples whose squared errors are `inflation` times those of the noise tell less beside what a region says.
+        """
         mean, spread = self.values[:, labels], self.spreads[:, labels]
         width = self._unknown.expand_as(mean)
-        return TexelPrior(mean.float(), torch.where(own, width, spread).pow(-2).float())
+        return TexelPrior(mean.float(), (inflation / torch.where(own, width, spread).square()).float())
+
+
+def _mean(values: Tensor, errors: Tensor, otherwise: Tensor) -> Tensor:
+    """The mean of values [n], those of errors larger than most counting less; another value where there are few."""
+    if len(values) < _FEWEST:
+        return otherwise
+    weights = 1 / (errors.square() + errors.median().square())
+    return (weights * values).sum() / weights.sum()
+
+
+def _scatter(differences: Tensor, errors: Tensor) -> float:
+    """The standard deviation of what some values, of known standard errors [n], differ by beyond these.
+
+    It is the one within which half of them lie as of a Gaussian: a few values far off do not matter. As many as there
+    are tell its square to a standard error, which is added: they may have come to lie together by chance.
+    """
+    squares, low, high = differences.square(), 0.0, float(differences.square().max())
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        if float((squares / (errors.square() + middle)).median()) > _HALF:
+            low = middle
+        else:
+            high = middle
+    return math.sqrt(high + _OF_MEDIAN / math.sqrt(len(errors)) * (high + float(errors.square().median())))
 
 
 def _features(texels: TexelUnknowns, theta: Tensor) -> np.ndarray:

@@ -97,7 +97,8 @@ def descend(texels: TexelUnknowns, unknowns: Tensor, tile: TexelTile) -> SomeTex
         fit = fitter.moved(fit, theta)
         if length < _LAST_STEP * math.sqrt(inflation):
             break
-    return SomeTexels(fitter, fit, scale, inflation)
+    # The last step may have mended what was far off.
+    return SomeTexels(fitter, fit, scale, _inflation(fit, elimination))
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,16 +164,29 @@ def regions_of(
     found = Regions.of(texels, theta, count, seed)
     labels = found.labels(theta)
     values = fitter.unknowns[texels.places, None].repeat(1, len(found.features))
+    errors = torch.zeros_like(values)
+    if in_common is not None:
+        errors[:] = _errors(texels, in_common)[:, None]
     for region in range(len(found.features)):
         places = (labels == region).nonzero()[:, 0]
         if in_common is None or len(found.features) == 1:
             break
         shared = descend(texels.without_shapes(), in_common.fitter.unknowns, fit.tile.some(places))
         values[:, region] = shared.fitter.unknowns[texels.places]
+        errors[:, region] = _errors(texels, shared)
     std = (sample.inflation * elimination.variance).sqrt()
     if fit.trials is not None:
         std = torch.where(ambiguous(fit, std, sample.inflation), math.inf, std)
-    return found.filled(labels, theta, std, values)
+    return found.filled(labels, theta, std, values, errors)
+
+
+def _errors(texels: TexelUnknowns, in_common: SomeTexels) -> Tensor:
+    """Standard errors of the unknowns of texels in a solution where some have one value, 0 of the others [T]."""
+    sums = Elimination.of(in_common.fitter, in_common.fit).sums()
+    every = torch.ones(len(sums.scores), dtype=torch.bool)
+    errors = torch.zeros(texels.problem.size, dtype=torch.float64)
+    errors[in_common.fitter.texels.common_places] = fisher(sums.information / in_common.inflation, every).std
+    return errors[texels.places]
 
 
 def step(texels: TexelUnknowns, unknowns: Tensor, sums: CommonSums) -> tuple[Tensor, float]:

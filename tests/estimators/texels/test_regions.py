@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 import torch
@@ -44,3 +46,32 @@ def test_a_few_odd_texels_are_no_region() -> None:
 def test_where_no_shape_is_mapped_there_is_one_region() -> None:
     texels = TexelUnknowns(TEXELS.problem, ("albedo",))
     assert len(Regions.of(texels, theta(np.resize([0.3, 0.6], 1_200))[:3], None, 0).features) == 1
+
+
+def of_scatter(scatter: float, error: float, outliers: int, common: float = 0.3) -> Regions:
+    """A region of 1,200 texels of albedo 0.3, known to 0.01, and of σ 0.4 that scatters, some being far off."""
+    generator = np.random.default_rng(2)
+    values = theta(np.full(1_200, 0.3), 0.03)
+    values[3] += torch.from_numpy(math.hypot(scatter, error) * generator.standard_normal(1_200))
+    values[3, :outliers] = 0.01
+    std = torch.full((4, 1_200), 0.01, dtype=torch.float64)
+    std[3] = error
+    single, labels = Regions.of(TEXELS, values, 1, 0), torch.zeros(1_200, dtype=torch.int64)
+    means = torch.tensor([[common], [0.3], [0.3], [0.4]], dtype=torch.float64)
+    return single.filled(labels, values, std, means, torch.zeros_like(means))
+
+
+@pytest.mark.parametrize("outliers", [0, 60])
+def test_the_scatter_is_that_of_most_texels_beyond_their_errors(outliers: int) -> None:
+    assert float(of_scatter(0.05, 0.05, outliers).spreads[3, 0]) == pytest.approx(0.055, rel=0.1)
+
+
+def test_a_region_has_the_albedo_of_its_texels_though_the_fit_in_common_has_none() -> None:
+    assert float(of_scatter(0.0, 0.05, 0, common=1e-4).values[0, 0]) == pytest.approx(0.3, rel=0.01)
+
+
+def test_texels_that_fit_badly_are_drawn_as_strongly_as_by_their_errors() -> None:
+    region, labels = of_scatter(0.05, 0.05, 0), torch.zeros(1, dtype=torch.int64)
+    untold = torch.zeros(4, 1, dtype=torch.bool)
+    plain, bad = (region.prior(labels, untold, inflation).precision for inflation in (1.0, 7.0))
+    torch.testing.assert_close(bad, 7 * plain)
