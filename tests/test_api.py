@@ -71,14 +71,19 @@ def test_the_documented_session_and_training_loop_work() -> None:
     assert losses[-1] < losses[0] / 10
 
 
-def test_the_readme_example_runs(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL)
-    assert blocks
+def test_the_examples_of_the_documents_run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    pages = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+    blocks = [
+        (page.name, block)
+        for page in pages
+        for block in re.findall(r"```python\n(.*?)```", page.read_text("utf-8"), re.DOTALL)
+    ]
+    assert {name for name, _ in blocks} >= {"README.md", "maps.md", "python.md"}
     monkeypatch.chdir(ROOT)
     variables: dict[str, Any] = {}
-    for block in blocks:
+    for page, block in blocks:
         names: dict[str, Any] = {}
-        exec(compile(block, "README.md", "exec"), names)
+        exec(compile(block, page, "exec"), names)
         variables |= names
     assert "0.69" in capsys.readouterr().out
     assert variables["fit"].losses[-1] < variables["fit"].losses[0] / 10

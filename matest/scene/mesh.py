@@ -109,6 +109,9 @@ class Mesh:
             )
         if not np.ptp(vertices, axis=0).any():
             raise InputError(f"{path}: all vertices are at one place; export the mesh again.")
+        if (extent := float(np.ptp(vertices, axis=0).max())) * _LARGEST < 1:
+            # Rays begin further away than single precision holds beside it.
+            raise InputError(f"{path}: the mesh is {extent:.2g} long; expected {1 / _LARGEST:g} or more. Scale it.")
         if faces.min() < 0 or faces.max() >= len(mesh.vertices):
             raise InputError(
                 f"{path}: expected faces of its {len(mesh.vertices):,} vertices; one names the vertex "

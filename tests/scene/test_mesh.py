@@ -284,6 +284,7 @@ def test_a_flat_mesh_is_not_convex(tmp_path):
         ("v 0 0\nv 1 0\nv 0 1\n", "three numbers"),
         ("v 0 0 0\nv 1e30 0 0\nv 0 1 0\n", "below 1e+15"),
         ("v 1 2 3\nv 1 2 3\nv 1 2 3\n", "at one place"),
+        ("v 0 0 0\nv 1e-40 0 0\nv 0 1e-40 0\n", "1e-40 long"),
     ],
 )
 def test_vertices_that_are_no_places_are_refused(tmp_path, vertices, says):
