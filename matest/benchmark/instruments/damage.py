@@ -127,7 +127,7 @@ def revalued_toml(data: bytes, rng: np.random.Generator) -> bytes:
     try:
         return tomli_w.dumps(_revalued(tomllib.loads(data.decode()), rng)).encode("utf-8", "replace")
     # TOML has no null, and a value in place of the whole is none.
-    except (ValueError, TypeError, AttributeError):
+    except (ValueError, TypeError, AttributeError, RecursionError):
         return data
 
 
