@@ -18,8 +18,7 @@ from matest.estimators import Problem, Solution, Statistics
 from matest.estimators.calibrated import body_albedos
 from matest.estimators.moments import SCORES
 from matest.estimators.texels.maps import MapFit, fit_maps
-from matest.estimators.texels.regions import AMPLITUDE_TOLD, SHAPE_TOLD
-from matest.estimators.texels.sharing import MISFIT_CHI2
+from matest.estimators.texels.regions import AMPLITUDE_TOLD, MISFIT_CHI2, SHAPE_TOLD
 from matest.inference.budget import SAMPLES, Budget
 from matest.inference.map_calibration import MapBudget, over_all
 from matest.inference.map_jackknife import FEWEST_IMAGES, map_jackknife

@@ -166,6 +166,10 @@ class TexelFitter:
         theta = self._climbed(problem, theta, prior)
         return float(problem.normal(theta, ()).cost.sum()), squares
 
+    def radiance(self, tile: TexelTile, theta: Tensor) -> Tensor:
+        """Of the samples of any tile [I·n, C], at θ [T, n]."""
+        return radiance(self._model.columns(tile, theta), self._model.coefficients(theta), tile.images)
+
     def at(self, tile: TexelTile, theta: Tensor, prior: TexelPrior) -> TileFit:
         """A solution that is known, θ [T, n], the likelihood being expanded there."""
         columns = self._model.columns(tile, theta) if self._keeps_columns else None

@@ -217,7 +217,7 @@ def _over_all(fitter: TexelFitter, known: Knowledge, tiles: TexelTileGroups, out
             solution = shared(fitter, first, known)
             fit, own, elimination = solution.fit, solution.own, solution.elimination
             told = degrees(fit, elimination.variance)
-            variance = elimination.variance + solution.doubt(known.regions) / known.inflation
+            variance = elimination.variance + solution.doubt(known.regions, known.inflation) / known.inflation
             if fit.trials is not None:
                 among = variance_among_trials(fit, known.inflation)
                 variance = torch.where(own, variance, torch.maximum(variance, among))

@@ -26,6 +26,10 @@ _HALF = 0.4549
 _OF_MEDIAN = 2.3
 # Halvings of the range of a scatter's square.
 _HALVINGS = 40
+# χ² per degree of freedom above which the model does not hold: shapes have to be told by more than one photograph.
+MISFIT_CHI2 = 1.5
+# Share of a region's scatter within which texels take its value as it is.
+_AS_IT_IS = 1e-3
 # Texels that a region's mean and scatter need.
 _FEWEST = 10
 # Least albedo of which the logarithm is taken where regions are told apart.
@@ -147,11 +151,21 @@ class Regions:
     def prior(self, labels: Tensor, own: Tensor, inflation: float) -> TexelPrior:
         """The priors of texels of these regions: next to nothing for what they tell on their `own` [T, n].
 
-        Samples whose squared errors are `inflation` times those of the noise tell less beside what a region says.
+        Samples whose squared errors are `inflation` times those of the noise tell less beside what a region says. Where
+        the model does not hold, shapes are the region's: a lobe would be drawn to what the model lacks at one texel.
         """
         mean, spread = self.values[:, labels], self.spreads[:, labels]
+        spread = torch.where(self._lent(inflation), _AS_IT_IS * spread, spread)
         width = self._unknown.expand_as(mean)
         return TexelPrior(mean.float(), (inflation / torch.where(own, width, spread).square()).float())
+
+    def errors(self, inflation: float) -> Tensor:
+        """Standard errors of the values for texels that take them, beside those which `prior` leaves [T, R]."""
+        return torch.where(self._lent(inflation), torch.hypot(self.doubts, self.spreads), self.doubts)
+
+    def _lent(self, inflation: float) -> Tensor:
+        """Unknowns whose value texels take as it is, if they take it [T, 1]."""
+        return self.texels.is_shape[:, None] & (inflation > MISFIT_CHI2)
 
 
 def _mean(values: Tensor, errors: Tensor, otherwise: Tensor) -> Tensor:

@@ -10,13 +10,10 @@ from torch.nn.functional import one_hot
 
 from matest.estimators.texels.elimination import Elimination
 from matest.estimators.texels.fit import TexelFitter, TileFit
-from matest.estimators.texels.regions import Regions
+from matest.estimators.texels.regions import MISFIT_CHI2, Regions
 from matest.estimators.texels.some import Knowledge
-from matest.estimators.texels.trust import Reliable, ambiguous, least_information
+from matest.estimators.texels.trust import Reliable, ambiguous, least_information, unlike_the_seen
 from matest.samples.texels import TexelTile
-
-# χ² per degree of freedom above which a texel's shape has to be told by more than one photograph.
-MISFIT_CHI2 = 1.5
 
 
 class SharedFit(NamedTuple):
@@ -43,9 +40,9 @@ class SharedFit(NamedTuple):
         inside = one_hot(self.labels, regions.values.shape[1]) * _seen(self.fit.tile)[:, None]
         return torch.einsum("tjn,nr->tjr", self.pull.double(), inside.double())
 
-    def doubt(self, regions: Regions) -> Tensor:
+    def doubt(self, regions: Regions, inflation: float) -> Tensor:
         """Variance of the unknowns by what is not known of the values of their regions [T, n]."""
-        return (self.pull * regions.doubts[:, self.labels].to(self.pull)).square().sum(1)
+        return (self.pull * regions.errors(inflation)[:, self.labels].to(self.pull)).square().sum(1)
 
 
 def shared(fitter: TexelFitter, fit: TileFit, known: Knowledge) -> SharedFit:
@@ -70,7 +67,7 @@ def shared(fitter: TexelFitter, fit: TileFit, known: Knowledge) -> SharedFit:
             if inflation > MISFIT_CHI2:
                 # A lobe that one photograph alone tells may be what the model lacks there.
                 without_one = (inflation * least_information(fitter, fit)).sqrt()
-                untold |= some[:, None] & (without_one > limits)
+                untold |= some[:, None] & ((without_one > limits) | unlike_the_seen(fitter, fit))
         own &= ~untold
         if len(places := untold.any(0).nonzero()[:, 0]):
             fit = fitter.with_prior(fit, regions.prior(labels, own, inflation), places)

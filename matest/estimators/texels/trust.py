@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import torch
@@ -16,6 +16,7 @@ from matest.estimators.texels.fit import TexelFitter, TileFit
 from matest.estimators.texels.small_systems import Factored
 from matest.samples.likelihood import LeastSquares
 from matest.samples.texels import TexelTile
+from matest.scene import Points
 
 # Relative standard error of a shape up to which a texel tells of the parameters in common.
 _WELL_KNOWN = 0.05
@@ -27,6 +28,8 @@ _TINY = 1e-9
 _LIKELY = 9.0
 # Standard errors beyond which a value is another one.
 _FAR = 4.0
+# How many times brighter a highlight is than anything seen, if nothing is known of it.
+_UNSEEN = 10.0
 # Share of the texels whose optimum a search may miss: their χ² says nothing of the noise.
 _MISSED = 0.01
 # Uncertainty of the bias of scores, relative to it: it is that of the solution, not of the truth.
@@ -77,6 +80,27 @@ def least_information(fitter: TexelFitter, fit: TileFit) -> Tensor:
     rest.diagonal()[:] += fit.prior.precision.permute(1, 0).unsqueeze(0).expand(images, -1, -1)
     variances = Factored.of(rest.flatten(2)).inverse().diagonal().T
     return variances.unflatten(-1, (images, -1)).amax(1)
+
+
+def unlike_the_seen(fitter: TexelFitter, fit: TileFit) -> Tensor:
+    """Texels whose highlight would be far brighter than anything that they were photographed at [n].
+
+    Such a lobe is known from its foot alone.
+    """
+    tile, points = fit.tile, fit.tile.points
+    mirrored = points.wo[:1] * points.wo.new_tensor([-1.0, -1.0, 1.0])
+    light = points.irradiance.new_ones(1, 1, 1, tile.radiance.shape[1])
+    one = replace(
+        tile,
+        points=Points(mirrored[:, :, None], points.wo[:1], light),
+        radiance=torch.zeros_like(tile.radiance[: len(tile)]),
+        usable=torch.ones_like(tile.usable[: len(tile)]),
+    )
+    highlight = fitter.radiance(one, fit.theta).amax(1)
+    powers = points.irradiance.sum(-2).expand(tile.images, len(tile), -1)
+    seen = fit.radiance.unflatten(0, (tile.images, -1)) / powers.clamp(min=_TINY)
+    seen = (seen * tile.usable.unflatten(0, (tile.images, -1, 1))).amax((0, 2))
+    return highlight > _UNSEEN * seen
 
 
 def degrees(fit: TileFit, variance: Tensor) -> float:

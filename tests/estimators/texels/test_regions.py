@@ -73,5 +73,16 @@ def test_a_region_has_the_albedo_of_its_texels_though_the_fit_in_common_has_none
 def test_texels_that_fit_badly_are_drawn_as_strongly_as_by_their_errors() -> None:
     region, labels = of_scatter(0.05, 0.05, 0), torch.zeros(1, dtype=torch.int64)
     untold = torch.zeros(4, 1, dtype=torch.bool)
-    plain, bad = (region.prior(labels, untold, inflation).precision for inflation in (1.0, 7.0))
-    torch.testing.assert_close(bad, 7 * plain)
+    plain, bad = (region.prior(labels, untold, inflation).precision for inflation in (1.0, 1.4))
+    torch.testing.assert_close(bad, 1.4 * plain)
+
+
+def test_where_the_model_does_not_hold_shapes_are_the_regions_with_its_scatter_as_their_error() -> None:
+    region, labels = of_scatter(0.05, 0.05, 0), torch.zeros(1, dtype=torch.int64)
+    untold = torch.zeros(4, 1, dtype=torch.bool)
+    prior = region.prior(labels, untold, 7.0)
+    # The last row is the shape.
+    assert float((7.0 / prior.precision[3]).sqrt()) < 0.01 * float(region.spreads[3, 0])
+    torch.testing.assert_close(prior.precision[:3], 7 * region.prior(labels, untold, 1.0).precision[:3])
+    assert float(region.errors(7.0)[3, 0]) == pytest.approx(math.hypot(region.spreads[3, 0], region.doubts[3, 0]))
+    assert float(region.errors(1.0)[3, 0]) == float(region.doubts[3, 0])

@@ -11,7 +11,7 @@ from matest.estimators.texels.elimination import Elimination
 from matest.estimators.texels.fit import TexelFitter
 from matest.estimators.texels.regions import Regions
 from matest.estimators.texels.some import descend, unbiased
-from matest.estimators.texels.trust import Reliable, ScoreBias
+from matest.estimators.texels.trust import Reliable, ScoreBias, unlike_the_seen
 from matest.estimators.texels.unknowns import TexelUnknowns
 from matest.samples.residual_scale import NOISE_ALONE
 from matest.samples.texels import TexelTile
@@ -72,3 +72,25 @@ def test_a_specular_albedo_in_common_is_right_on_average_though_few_texels_tell_
     assert abs(np.mean(right) - TRUTH["specular"]) < UNBIASED
     # The model holds.
     assert max(inflations) < 1.1
+
+
+@torch.no_grad()
+def test_a_narrow_lobe_that_no_photograph_looks_into_is_unlike_anything_seen() -> None:
+    fitter, tile = at_truth(48, 0, 1_000)
+    prior = Regions.single(fitter.texels, fitter.unknowns).weak_prior(len(tile))
+    nearest = tile.half_angles.unflatten(0, (tile.images, -1))
+    nearest = torch.where(tile.usable.unflatten(0, (tile.images, -1)), nearest, torch.inf).amin(0)
+
+    def unlike(slope: float) -> torch.Tensor:
+        theta = fitter.texels.spread(fitter.unknowns, len(tile)).to(tile.radiance)
+        theta[fitter.texels.at("slope")] = slope
+        return unlike_the_seen(fitter, fitter.at(tile, theta, prior))
+
+    # Squares of sines: within a slope of the mirror direction, and three slopes beside it.
+    seen, beside = nearest < 0.05**2, nearest > 0.15**2
+    assert int(seen.sum()) > 2
+    assert int(beside.sum()) > 100
+    assert bool(unlike(0.05)[beside].all())
+    assert not bool(unlike(0.05)[seen].any())
+    # What a wide lobe would be there is much like what it was beside.
+    assert not bool(unlike(0.3)[nearest.isfinite()].any())
