@@ -298,8 +298,9 @@ def _check_result(content: dict[str, Any]) -> None:
     """
     for name, parameter in content["parameters"].items():
         std = parameter.get("std")
-        values = std if isinstance(std, list) else [0.0 if std is None else std]
-        if not all(map(math.isfinite, values)):
+        # Of some channels none is known.
+        values = std if isinstance(std, list) else [std]
+        if not all(value is None or math.isfinite(value) for value in values):
             raise ValueError(f"the standard error of {name} is {std}")
     for key in ("capture", "root"):
         if not isinstance(content["provenance"].get(key), str | None):

@@ -173,4 +173,5 @@ def totals(rows: Sequence[Row]) -> str:
         "failed": sum(row.status == "failed" for row in rows),
         "complete before": sum(row.kept for row in rows),
     }
-    return f"{len(rows):,} captures: " + ", ".join(f"{count:,} {what}" for what, count in counts.items() if count) + "."
+    captures = "1 capture" if len(rows) == 1 else f"{len(rows):,} captures"
+    return f"{captures}: " + ", ".join(f"{count:,} {what}" for what, count in counts.items() if count) + "."

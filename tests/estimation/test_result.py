@@ -305,3 +305,9 @@ def test_a_stored_result_has_errors_that_are_numbers(tmp_path: Path, std: str) -
     provenance = '"provenance": {"capture": ".."}'
     (tmp_path / "result.json").write_text(f'{{"parameters": {{"albedo": {{"std": {std}}}}}, {provenance}}}')
     assert str(tmp_path / "result.json") in refusal(lambda: read_result(tmp_path))
+
+
+def test_a_stored_result_may_know_the_errors_of_some_channels_alone(tmp_path: Path) -> None:
+    text = '{"parameters": {"specular": {"std": [0.004, null, null]}}, "provenance": {"capture": ".."}}'
+    (tmp_path / "result.json").write_text(text)
+    assert read_result(tmp_path)["parameters"]["specular"]["std"] == [0.004, None, None]

@@ -86,4 +86,4 @@ def test_of_many_failures_the_first_are_told() -> None:
 
 
 def test_what_was_there_before_is_counted() -> None:
-    assert totals([Row("a", "converged", chi2=1.0, kept=True)]) == "1 captures: 1 converged, 1 complete before."
+    assert totals([Row("a", "converged", chi2=1.0, kept=True)]) == "1 capture: 1 converged, 1 complete before."

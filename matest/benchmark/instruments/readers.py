@@ -124,7 +124,8 @@ def _result(folder: Path) -> Iterable[Any]:
 
     content = read_result(folder)
     check_destination(folder, "result.json")
-    return [parameter["std"] for parameter in content["parameters"].values() if parameter.get("std") is not None]
+    stds = (np.ravel(parameter.get("std")) for parameter in content["parameters"].values())
+    return [[value for value in std if value is not None] for std in stds]
 
 
 def _prediction(folder: Path) -> Iterable[Any]:
