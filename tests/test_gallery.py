@@ -54,7 +54,10 @@ def test_the_pictures_that_ship_are_what_the_scenes_give(gallery: Gallery) -> No
     assert drawn == {path.relative_to(RENDERS) for path in RENDERS.rglob("figure.png")}
     for path in drawn:
         ours, shipped = (Image.open(folder / path).convert("RGB") for folder in (gallery.folder, RENDERS))
-        np.testing.assert_array_equal(np.asarray(ours), np.asarray(shipped))
+        # Processors round differently: the shade of a single pixel may be the next.
+        difference = np.asarray(ours).astype(int) - np.asarray(shipped)
+        assert np.abs(difference).max() <= 1
+        assert np.count_nonzero(difference) < 100
         assert (RENDERS / path).stat().st_size < 150_000
 
 

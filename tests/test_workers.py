@@ -192,9 +192,10 @@ def test_nothing_else_in_the_package_sizes_a_pool_of_its_own() -> None:
     assert files_with("PoolExecutor", "cpu_count", "sched_getaffinity") == ["workers.py"]
 
 
-def test_processes_are_started_by_the_pool_of_captures_and_where_readers_are_tried() -> None:
+def test_processes_are_handled_by_those_that_share_captures_out_and_where_readers_are_tried() -> None:
     assert files_with("import multiprocessing", "from multiprocessing") == [
         "benchmark/instruments/endurance.py",
+        "cluster.py",
         "pool.py",
         "workers.py",
     ]
