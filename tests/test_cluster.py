@@ -15,22 +15,7 @@ from matest.cluster import in_cluster
 from matest.errors import WorkError
 from matest.pool import Lost
 from tests.captures import refusal
-
-
-class Future:
-    """The end of a task, as Dask tells it."""
-
-    def __init__(self, status: str, value: Any = None) -> None:
-        self.status, self.value = status, value
-
-    def result(self) -> Any:
-        return self.value
-
-    exception = result
-
-
-class KilledWorker(Exception):
-    """What Dask calls it."""
+from tests.dask_ends import Future, KilledWorker
 
 
 def test_every_end_of_a_task_has_its_meaning() -> None:

@@ -31,25 +31,10 @@ from matest.errors import InputError, WorkError
 from matest.photographs.file_images import FileImages
 from matest.simulate import simulate
 from tests import scenes
+from tests.dask_ends import Future, KilledWorker
 from tests.signalled import hearing
 
 ADDRESS = "tcp://a:1"
-
-
-class KilledWorker(Exception):
-    """What Dask calls it."""
-
-
-class Future:
-    """The end of a task, as Dask tells it."""
-
-    def __init__(self, status: str, value: Any = None) -> None:
-        self.status, self.value = status, value
-
-    def result(self) -> Any:
-        return self.value
-
-    exception = result
 
 
 class Client:
