@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -60,23 +61,22 @@ class TexelGram:
         """Of columns [G, K, I·n], residuals being those of coefficients `reference` [C, K, n]."""
         values = columns.values.unflatten(-1, (images, -1))
         tint = columns.tint.tolist()
-        count, channels = values.shape[1], squares.weight.shape[1]
-        products = reference.new_empty(channels, count, count, values.shape[-1])
-        moments = reference.new_empty(channels, count, values.shape[-1])
-        cost = reference.new_zeros(values.shape[-1])
-        for channel in range(channels):
-            of_channel = values[min(channel, len(values) - 1)]
+        weights, responses = (part.T.unflatten(-1, (images, -1)) for part in squares[1::-1])
+        channels, count, size = len(weights), values.shape[1], values.shape[-1]
+        products = reference.new_zeros(channels, count, count, size)
+        moments, cost = reference.new_zeros(channels, count, size), reference.new_zeros(size)
+        # Image by image: what is added up, and what is added to it, stay in the cache.
+        for channel, image in itertools.product(range(channels), range(images)):
+            here = values[min(channel, len(values) - 1), :, image]
             if tint[channel] != 1:
-                of_channel = of_channel * tint[channel]
-            weight, response = (part[:, channel].unflatten(0, (images, -1)) for part in squares[1::-1])
-            residual = response - (reference[channel][:, None].to(of_channel) * of_channel).sum(0)
-            weighted = weight * of_channel
-            moments[channel] = (weighted * residual).sum(1)
-            cost += (weight * residual.square()).sum(0)
-            for row in range(count):
-                sums = (weighted[row] * of_channel[: row + 1]).sum(1)
-                products[channel, row, : row + 1] = sums
-                products[channel, : row + 1, row] = sums
+                here = here * tint[channel]
+            weight, residual = weights[channel, image], responses[channel, image].clone()
+            for k in range(count):
+                residual.addcmul_(reference[channel, k].to(here), here[k], value=-1)
+            weighted = weight * here
+            products[channel].addcmul_(weighted[:, None], here)
+            moments[channel].addcmul_(weighted, residual)
+            cost.addcmul_(weight, residual.square())
         return cls(products, moments, cost, reference)
 
     def normal(self, at: Coefficients, rows: Sequence[Row]) -> TexelNormal:
