@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -12,6 +11,9 @@ from torch import Tensor
 from matest.estimators.columns import Columns
 from matest.estimators.texels.unknowns import Row
 from matest.samples.likelihood import LeastSquares
+
+# Products of two columns that are computed before they are summed: as many as fit a cache.
+_TOGETHER = 1 << 18
 
 
 class Coefficients(NamedTuple):
@@ -60,23 +62,21 @@ class TexelGram:
     def of(cls, columns: Columns, squares: LeastSquares, reference: Tensor, images: int) -> TexelGram:
         """Of columns [G, K, I·n], residuals being those of coefficients `reference` [C, K, n]."""
         values = columns.values.unflatten(-1, (images, -1))
-        tint = columns.tint.tolist()
+        if not bool((columns.tint == 1).all()):
+            values = values * columns.tint[:, None, None, None]
         weights, responses = (part.T.unflatten(-1, (images, -1)) for part in squares[1::-1])
         channels, count, size = len(weights), values.shape[1], values.shape[-1]
-        products = reference.new_zeros(channels, count, count, size)
-        moments, cost = reference.new_zeros(channels, count, size), reference.new_zeros(size)
-        # Image by image: what is added up, and what is added to it, stay in the cache.
-        for channel, image in itertools.product(range(channels), range(images)):
-            here = values[min(channel, len(values) - 1), :, image]
-            if tint[channel] != 1:
-                here = here * tint[channel]
-            weight, residual = weights[channel, image], responses[channel, image].clone()
-            for k in range(count):
-                residual.addcmul_(reference[channel, k].to(here), here[k], value=-1)
-            weighted = weight * here
-            products[channel].addcmul_(weighted[:, None], here)
-            moments[channel].addcmul_(weighted, residual)
-            cost.addcmul_(weight, residual.square())
+        products = reference.new_empty(channels, count, count, size)
+        moments, cost = reference.new_empty(channels, count, size), reference.new_empty(size)
+        together = max(_TOGETHER // max(channels * count**2 * images, 1), 1)
+        for first in range(0, size, together):
+            some = slice(first, first + together)
+            here = values[..., some]
+            residual = responses[..., some] - (reference[:, :, None, some].to(here) * here).sum(1)
+            weighted = weights[:, None, :, some] * here
+            products[..., some] = (weighted[:, :, None] * here[:, None]).sum(3)
+            moments[..., some] = (weighted * residual[:, None]).sum(2)
+            cost[some] = (weights[..., some] * residual.square()).sum((0, 1))
         return cls(products, moments, cost, reference)
 
     def normal(self, at: Coefficients, rows: Sequence[Row]) -> TexelNormal:
