@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import sys
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -91,17 +90,21 @@ def test_a_biased_estimator_fails_by_the_names_of_its_figures(run, written, monk
 
 
 def test_a_slowed_estimator_fails_by_its_cost(run, written, monkeypatch: pytest.MonkeyPatch) -> None:
-    def estimator(seconds: float) -> Callable[..., Any]:
-        def estimate(capture: Any, *_: Any, **__: Any) -> Any:
-            samples = len(capture.samples())
-            time.sleep(seconds * samples)
-            return SimpleNamespace(fit=SimpleNamespace(samples=samples))
+    def estimate(capture: Any, *_: Any, **__: Any) -> Any:
+        return SimpleNamespace(fit=SimpleNamespace(samples=len(capture.samples())))
 
-        return estimate
+    def takes(seconds: float) -> None:
+        """Let every sample take so many seconds, whatever else the machine does."""
 
-    monkeypatch.setattr(matest, "estimate", estimator(1e-6))
+        def timed(work: Callable[[], Any]) -> tuple[Any, float]:
+            return (done := work()), seconds * done.fit.samples
+
+        monkeypatch.setattr(scaling, "timed", timed)
+
+    monkeypatch.setattr(matest, "estimate", estimate)
+    takes(1e-6)
     written("scaling")
-    monkeypatch.setattr(matest, "estimate", estimator(1e-4))
+    takes(1e-4)
     code, out, _ = run("--suite", "scaling", "--gate")
     assert code == 1
     assert "time per sample" in out[out.index("Gate:") :]
