@@ -35,6 +35,9 @@ SELECTED: dict[str, tuple[Kind, float | None]] = {
         for metric in ("given", "*rms error", "coverage", "optimum missed")
     },
     "export/*: error": ("accuracy", 0.05),
+    # One capture, the same on every machine; of its few known pixels one more or less moves the median.
+    "maps/matest, *: median error": ("accuracy", 0.5),
+    "maps/known": ("accuracy", 0.3),
     "fuzz/faults": ("accuracy", 0.0),
     "faults/lost or partial": ("accuracy", 0.0),
     "models/tiled gradient": ("cost", 0.5),

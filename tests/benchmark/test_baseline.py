@@ -111,7 +111,7 @@ def test_one_file_is_asked_for(
 def test_the_baseline_of_the_repository_holds_what_is_selected_and_no_seconds() -> None:
     found = baseline.read(ROOT / baseline.PATH)
     accurate = {figure.suite for figure in found.quick if figure.kind == "accuracy"}
-    assert accurate == {"stress", "efficiency", "outliers", "export", "faults", "fuzz", "peers", "frontier"}
+    assert accurate == {"stress", "efficiency", "outliers", "export", "maps", "faults", "fuzz", "peers", "frontier"}
     for figure in (*found.quick, *found.full):
         again = list(
             figures_of(
