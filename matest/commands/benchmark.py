@@ -19,7 +19,7 @@ def benchmark(
         str,
         typer.Option(metavar="NAME,...", help=f"Only these: {', '.join(SUITES)} (default: all).", show_default=False),
     ] = "",
-    quick: Annotated[bool, typer.Option("--quick", help="Fewer and smaller: two minutes for all suites.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer and smaller: ten minutes for all suites.")] = False,
     against: Annotated[
         str,
         typer.Option(
