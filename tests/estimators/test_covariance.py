@@ -220,6 +220,17 @@ def test_residuals_that_lean_one_way_over_a_cluster_have_a_large_correlation() -
     assert by_chance < 0.2
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_an_estimate_reports_what_is_judged(seed: int) -> None:
+    """Of a capture that is right: so experiments repeated without a diagnosis tell of its error bars too."""
+    capture = Studio(size=48, lights=((directional(DIRECTIONS[1], 3.0),),)).photograph(OrenNayar(0.6, 0.6), seed)
+    expected = judged(capture, "oren-nayar").posterior.estimates
+    for name, found in estimate(capture, "oren-nayar").parameters.items():
+        assert (found.value, found.std, found.interval95) == (
+            expected[name].value, expected[name].std, expected[name].interval95,
+        ), name  # fmt: skip
+
+
 def test_intervals_of_known_noise_are_normal() -> None:
     assert quantile95(math.inf) == pytest.approx(1.96, abs=1e-3)
 
