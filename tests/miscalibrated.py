@@ -10,15 +10,17 @@ from torch import Tensor
 
 from matest.brdf import Brdf
 from matest.capture import Capture
+from matest.photographs.noise import Noise
 from matest.scene import DirectionalLight, Scene
 from matest.shading import render
-from tests.simulated import Studio, coloured
+from tests.simulated import CAMERA, Studio, coloured
 
 DIRECTIONS = (
     (0.0, 0.35, 0.94), (0.7, 0.2, 0.68), (-0.7, 0.2, 0.68), (0.35, 0.8, 0.48), (-0.35, -0.6, 0.72),
     (0.45, -0.4, 0.8), (-0.3, 0.5, 0.81), (0.1, -0.15, 0.98),
 )  # fmt: skip
-STUDIO = Studio(size=64, lights=coloured(DIRECTIONS))
+# A quarter of the usual noise variance on a small sphere: as narrow error bars as a larger one has.
+STUDIO = Studio(size=32, lights=coloured(DIRECTIONS), noise=Noise(CAMERA.read / 2, CAMERA.gain / 4))
 
 # What makes the true scene of the one that is stated.
 Error = Callable[[Scene], Scene]

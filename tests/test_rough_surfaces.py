@@ -14,11 +14,11 @@ from matest.estimation.options import Options
 from matest.estimation.specification import specify
 from matest.photographs.noise import Noise
 from tests.captures import changed, directional
-from tests.simulated import DIRECTIONS, Studio
+from tests.simulated import CAMERA, DIRECTIONS, Studio
 
 STUDIO = Studio(size=48, lights=tuple((directional(towards, 3.0, 3.0, 3.0),) for towards in DIRECTIONS))
-# The model is slow: as many pixels as show its lobes.
-SMALL = dataclasses.replace(STUDIO, size=36)
+# The model is slow: as many pixels as show its lobes, with half of the usual noise.
+SMALL = dataclasses.replace(STUDIO, size=24, noise=Noise(CAMERA.read / 2, CAMERA.gain / 4))
 WAVELENGTHS = [0.61, 0.55, 0.46]
 MIRROR = "li-torrance(coherent=on,energy=he)"
 

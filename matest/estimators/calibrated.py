@@ -62,6 +62,8 @@ class CalibratedModel:
         """Radiance and derivatives; the latter are those without blur, except by the blur itself."""
         displaced, true, radiance, by_errors = self._to_first_order(batch)
         with torch.no_grad():
+            # The sky of an error of size 0 is there to be differentiated by the error, which is done.
+            displaced = replace(displaced, points=displaced.points.without_black_sky())
             by_material = self._by_material(displaced, batch) * displaced.slope(true).T[:, None]
             jacobian = torch.cat([by_material, by_errors], dim=1)
             return Tangent(radiance.detach(), jacobian, displaced.points)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -36,6 +36,10 @@ class Points:
         parts = (self.wi, self.wo, self.irradiance)
         wi, wo, irradiance = (part if len(part) == 1 else part[index] for part in parts)
         return Points(wi, wo, irradiance, sky_at(self.ambient, index))
+
+    def without_black_sky(self) -> Points:
+        """The same points, of which a sky that gives no light is none: what shapes reflect of it takes longest."""
+        return self if self.ambient is None or bool(self.ambient.any()) else replace(self, ambient=None)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from torch import Tensor
 from matest.benchmark.instruments.adversarial import direction_pairs, parameter_values
 from matest.benchmark.instruments.passes import heavy
 from matest.benchmark.suite import Record
-from matest.benchmark.suites.stress import TILE, examine
+from matest.benchmark.suites.stress import POINTS_QUICK, TILE, examine
 from matest.brdf import Brdf, Lambert, Term, variants
 from matest.directions import Directions
 from matest.parameters import parameter, unit_interval
@@ -64,7 +64,7 @@ def by_metric(brdf: Brdf, points: int) -> dict[str, Record]:
 @pytest.mark.parametrize("expression", variants())
 def test_everything_is_finite_and_float32_is_close(expression: str) -> None:
     brdf = named(expression)
-    found = by_metric(brdf, 2000 if heavy(brdf) else 20_000)
+    found = by_metric(brdf, 2000 if heavy(brdf) else POINTS_QUICK)
     missed = [f"{r.metric} = {r.value}, limit {r.limit}\n{r.note}" for r in found.values() if r.misses]
     assert not missed, "\n".join(missed)
     assert sum(record.limit == 0 for record in found.values()) == 10

@@ -13,6 +13,7 @@ from matest.identifiability import check
 from matest.simulate import simulate
 from tests import scenes
 from tests.identifiability.subjects import FIXED, LIGHTS, VALUES, checked, photograph, studio
+from tests.inference.judged import judged
 from tests.simulated import DIRECTIONS
 
 
@@ -36,7 +37,8 @@ def test_predicted_standard_errors_are_those_found_within_ten_per_cent(name: str
 def test_predicted_standard_errors_are_the_scatter_of_repeated_photographs() -> None:
     where = studio(DIRECTIONS[:3], size=32)
     predicted = checked(photograph(where, "lambert", 0), "lambert", at=VALUES["lambert"]).parameters["albedo"]
-    values = [matest.estimate(photograph(where, "lambert", k), "lambert").parameters["albedo"].value for k in range(60)]
+    estimates = [judged(photograph(where, "lambert", k), "lambert").posterior.estimates for k in range(60)]
+    values = [estimate["albedo"].value for estimate in estimates]
     # The scatter of 60 is known to 9 %: three times that.
     assert np.std(np.ravel(values), ddof=1) == pytest.approx(np.ravel(predicted.std)[0], rel=0.28)
 

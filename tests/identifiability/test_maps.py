@@ -19,7 +19,7 @@ from matest.estimation.parameter_map import TexelStatus
 from matest.identifiability import MapsForecast, check
 from matest.identifiability.maps import _counts
 
-SIZE = 64
+SIZE = 48
 ROUGH = OrenNayar([0.5, 0.35, 0.2], 0.4)
 GLOSSY = CookTorrance([0.5, 0.4, 0.2], 0.9, 0.2, f0=0.04)
 FIXED: dict[str, dict[str, float]] = {"oren-nayar": {}, "cook-torrance": {"f0": 0.04}}

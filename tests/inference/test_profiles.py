@@ -7,9 +7,9 @@ import math
 import pytest
 from scipy.stats import norm
 
-import matest
 from matest.brdf import Brdf, CookTorrance, OrenNayar
 from matest.inference.profiles import lower_threshold, threshold, upper_threshold
+from tests.inference.judged import judged
 from tests.simulated import Studio
 
 STUDIO = Studio(size=24, lights=Studio().lights[:2])
@@ -43,7 +43,7 @@ def covered(material: Brdf, expression: str, name: str, fix: dict[str, float]) -
     truth = float(material.parameters[name])
     held = 0
     for seed in range(CAPTURES):
-        low, high = matest.estimate(STUDIO.expose(clean, seed), expression, fix=fix).parameters[name].interval95
+        low, high = judged(STUDIO.expose(clean, seed), expression, fix=fix).posterior.estimates[name].interval95
         held += low <= truth <= high
     return held
 
@@ -69,7 +69,7 @@ def test_intervals_along_a_bent_valley_hold_the_truth(lights: int, seed: int) ->
     truth = {"eta": 1.5, "k": 3.0}
     material = CookTorrance(0.0, 1.0, 0.2, **truth, fresnel="conductor")
     capture = Studio(size=32, lights=Studio().lights[:lights]).photograph(material, seed)
-    found = matest.estimate(capture, material.expression, fix={"diffuse": 0.0, "specular": 1.0}).parameters
+    found = judged(capture, material.expression, fix={"diffuse": 0.0, "specular": 1.0}).posterior.estimates
     for name, value in truth.items():
         if found[name].status != "not determined":
             low, high = found[name].interval95

@@ -204,3 +204,10 @@ def test_pairs_are_the_lights_above_the_horizon_and_their_sums_those_of_all_ligh
 def test_few_lights_are_not_picked() -> None:
     up = torch.tensor([[[0.0, 0.0, 1.0]]])
     assert lit_pairs(Points(up.expand(2, 3, 3), up[0].expand(2, 3), torch.ones(2, 3, 1))) is None
+
+
+def test_only_a_sky_without_light_is_left_out() -> None:
+    wi, wo, irradiance = NORMALS[:, None], NORMALS, torch.ones(4, 1, 3, dtype=DOUBLE)
+    black, dim = torch.zeros(4, 3, dtype=DOUBLE), torch.tensor([[0, 0, 0.1]], dtype=DOUBLE)
+    assert Points(wi, wo, irradiance, black).without_black_sky().ambient is None
+    assert Points(wi, wo, irradiance, dim).without_black_sky().ambient is dim
