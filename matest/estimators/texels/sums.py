@@ -62,8 +62,8 @@ class TexelGram:
     def of(cls, columns: Columns, squares: LeastSquares, reference: Tensor, images: int) -> TexelGram:
         """Of columns [G, K, I·n], residuals being those of coefficients `reference` [C, K, n]."""
         values = columns.values.unflatten(-1, (images, -1))
-        if not bool((columns.tint == 1).all()):
-            values = values * columns.tint[:, None, None, None]
+        tint = columns.tint[:, None, None, None]
+        is_white = bool((tint == 1).all())
         weights, responses = (part.T.unflatten(-1, (images, -1)) for part in squares[1::-1])
         channels, count, size = len(weights), values.shape[1], values.shape[-1]
         products = reference.new_empty(channels, count, count, size)
@@ -71,7 +71,7 @@ class TexelGram:
         together = max(_TOGETHER // max(channels * count**2 * images, 1), 1)
         for first in range(0, size, together):
             some = slice(first, first + together)
-            here = values[..., some]
+            here = values[..., some] if is_white else values[..., some] * tint
             residual = responses[..., some] - (reference[:, :, None, some].to(here) * here).sum(1)
             weighted = weights[:, None, :, some] * here
             products[..., some] = (weighted[:, :, None] * here[:, None]).sum(3)
